@@ -14,7 +14,7 @@ silence=120  # how long the agent may be silent [s]
 again=6      # when to look once more, as in start.sh [s]
 patience=600 # how long it may take to come: its image may have to be pulled [s]
 
-name=$1 word='' beat='' uptime='' begun=''
+name=$1 word='' beat='' last='' uptime='' heard=''
 
 leave() {
     [[ $name ]] || { mkdir -p "$answers" && : >"$answers/terminated"; }
@@ -33,10 +33,12 @@ read_uptime() {
     uptime=${uptime%%.*}
 }
 
+# As is_fresh in start.sh.
 is_expected() {
     read -r beat <"$here/heartbeat"
     read_uptime
-    if [[ $beat ]]; then ((uptime - beat < silence)); else ((uptime - begun < patience)); fi
+    [[ $beat == "$last" ]] || { last=$beat heard=$uptime; }
+    ((uptime - heard < (last ? silence : patience)))
 }
 
 agent_lives() { is_expected || { pause "$again"; is_expected; }; }
@@ -44,7 +46,7 @@ agent_lives() { is_expected || { pause "$again"; is_expected; }; }
 trap leave TERM INT
 exec 7<> <(:)
 read_uptime
-begun=$uptime
+heard=$uptime
 until [[ -e $0 ]]; do
     read -r word <"$here/order"
     if [[ $word == end ]] || ! agent_lives; then leave; fi

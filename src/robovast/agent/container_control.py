@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import math
 import os
 import re
 import time
@@ -74,14 +75,19 @@ class RunContainer:
                 _rewrite(self._config / "heartbeat", f"{uptime:.0f}")
             time.sleep(HEARTBEAT)
 
-    def started(self, job: int) -> Stopwatch | None:
-        """How long ago a job started, even if that is noticed late; None if it did not."""
+    def started(self, job: int, most: float = math.inf) -> Stopwatch | None:
+        """How long ago a job started, even if that is noticed late; None if it did not.
+
+        Args:
+            job: its number.
+            most: how long ago it was ordered [s]: its container may have an uptime of its own.
+        """
         found = self._answer(rf"{job}\.started\.(\d{{1,12}}\.\d{{1,9}})")
         status = safe_paths.status(self._answers / found[0], self._out) if found else None
         if found is None or status is None:
             return None
         late = time.clock_gettime(time.CLOCK_BOOTTIME) - float(found[1])
-        return Stopwatch(status.st_mtime, max(late, 0.0))
+        return Stopwatch(status.st_mtime, min(max(late, 0.0), most))
 
     def exit_code(self, job: int) -> int | None:
         """The exit code of a job; None if it has not ended."""

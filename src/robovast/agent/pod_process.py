@@ -62,13 +62,14 @@ class PodProcess:
     """Whether the agent was asked to end."""
     check: Callable[[], None]
     """Is called repeatedly while the job runs; an exception ends the watch."""
-    _give_up: float = field(default_factory=lambda: time.monotonic() + START_PATIENCE)
+    _ordered: float = field(default_factory=time.monotonic)
     _stopwatch: Stopwatch | None = None
     _next_look: float = 0.0
 
     def started(self) -> Stopwatch | None:
         """Stopwatch since the start of the job; None before that."""
-        self._stopwatch = self._stopwatch or self.container.started(self.job)
+        ago = time.monotonic() - self._ordered
+        self._stopwatch = self._stopwatch or self.container.started(self.job, ago)
         return self._stopwatch
 
     def ending(self) -> Ending | None:
@@ -88,7 +89,7 @@ class PodProcess:
     def _never_starts(self) -> bool:
         if self.started() is not None:
             return False
-        return time.monotonic() > self._give_up or self._is_gone()
+        return time.monotonic() > self._ordered + START_PATIENCE or self._is_gone()
 
     def _is_gone(self) -> bool:
         """Whether the container was killed, noticed within `GONE_INTERVAL`."""

@@ -23,7 +23,7 @@ silence=120 # how long the agent may be silent [s]
 again=6     # when to look once more: if the machine slept, the agent has still to write [s]
 grace=10    # how long a job may take to end when it is told to [s]
 
-word='' number='' job=0 child='' begun=0 terminated='' held=''
+word='' number='' job=0 child='' last='' heard=0 terminated='' held=''
 
 read_order() { read -r word number <"$here/order"; }
 
@@ -50,11 +50,13 @@ read_kills() {
     done
 } 2>/dev/null
 
+# Some containers have an uptime of their own, so that the agent's is nothing to compare with.
 is_fresh() {
     local beat='' uptime
     read -r beat <"$here/heartbeat"
     read_uptime
-    ((uptime - ${beat:-$begun} < silence))
+    [[ $beat == "$last" ]] || { last=$beat heard=$uptime; }
+    ((uptime - heard < silence))
 }
 
 agent_lives() { is_fresh || { pause "$again"; is_fresh; }; }
@@ -141,7 +143,7 @@ main() {
     trap terminate TERM INT
     exec 7<> <(:)
     read_uptime
-    begun=$uptime
+    heard=$uptime
     read_order
     [[ $word == end ]] && exit
     # shellcheck source=/dev/null

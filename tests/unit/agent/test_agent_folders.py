@@ -208,6 +208,26 @@ def test_a_clock_that_is_set_makes_no_run_overdue(
     assert (folders.config / "order").read_text().split() == [], "it was not told to stop"
 
 
+def test_a_container_with_an_uptime_of_its_own_makes_no_run_overdue(folders: Folders) -> None:
+    prepared(folders)
+    job = make_pack(runs=RUNS[:1]).job(1, RUNS[:1])
+    prepare_output(folders, job)
+    (folders.out / RUNS[0].path / "test.xml").write_text("<testsuite><testcase/></testsuite>")
+    received = Received()
+    silence = Silence(folders.work / "silent", 0)
+    with (folders.answers / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        (folders.answers / "1.started.0.50").touch()
+        arguments = (folders, job, 60, (), received, lambda: False, silence)
+        following = Thread(target=follow_job, args=arguments)
+        following.start()
+        time.sleep(0.5)
+        (folders.answers / "1.code.0").touch()
+        following.join(PATIENCE)
+    (ended,) = received.ended
+    assert ended.result.verdict is Verdict.PASSED, ended.result.reason
+
+
 def test_a_clock_that_is_set_makes_no_agent_silent(folders: Folders, tmp_path: Path) -> None:
     """Bash's own SECONDS follows the clock of the machine; here it runs away."""
     container = prepared(folders)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import time
 from collections.abc import Iterator
@@ -118,13 +119,28 @@ def test_an_agent_that_was_held_up_with_its_machine_is_waited_for(
     """When a machine has slept, its uptime is at once that of an agent that was silent."""
     container = RunContainer(folders)
     container.begin()
-    beat(folders, ago=600)
-    started.append(Waiting(folders))
-    time.sleep(1)
     beat(folders)
-    time.sleep(7)
-    assert started[0].process.poll() is None
+    started.append(Waiting(folders, silence=10))
+    process = started[0].process
+    time.sleep(2)
+    process.send_signal(signal.SIGSTOP)
+    time.sleep(12)
+    process.send_signal(signal.SIGCONT)
+    time.sleep(2)
+    assert process.poll() is None
+    beat(folders)
+    time.sleep(6)
+    assert process.poll() is None
     container.end()
+    assert started[0].end() == ""
+
+
+def test_an_agent_that_died_is_noticed_by_a_container_with_an_uptime_of_its_own(
+    folders: Folders, started: list[Waiting]
+) -> None:
+    RunContainer(folders).begin()
+    beat(folders, ago=-1_000_000)
+    started.append(Waiting(folders, silence=3))
     assert started[0].end() == ""
 
 
