@@ -8,6 +8,8 @@
 # argument, then leaves the answer `terminated`: an agent that comes later leaves the runs to another
 # pod.
 
+set +eu # as an image may have it by BASH_ENV or SHELLOPTS
+
 here=${0%/*}
 answers=${here%/*}/out/.job
 silence=120  # how long the agent may be silent [s]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from threading import Event
 
 from robovast.agent.container_control import RunContainer
@@ -9,6 +10,9 @@ from robovast.agent.mounts import Folders
 from robovast.agent.preparation import prepare_apart
 from robovast.base.signals import call_on_signals
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
+
+LOOK = 0.5
+"""How often to look whether the pod is told to end [s]."""
 
 
 def hold(folders: Folders, request: PackRequest) -> int:
@@ -26,8 +30,8 @@ def hold(folders: Folders, request: PackRequest) -> int:
     try:
         with call_on_signals(stop.set):
             code = prepare_apart(folders, request, stop)
-            if code == 0:
-                stop.wait()
+            while code == 0 and not stop.is_set():  # as in `apart`
+                time.sleep(LOOK)
             return code
     finally:
         container.end()

@@ -17,6 +17,8 @@
 #
 # Exit code: 0. How a job ended is the agent's to tell.
 
+set +eu # as an image may have it by BASH_ENV or SHELLOPTS
+
 name=$1
 here=${BASH_SOURCE[0]%/*}
 silence=120 # how long the agent may be silent [s]

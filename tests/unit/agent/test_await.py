@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import subprocess
 import time
@@ -14,7 +15,7 @@ from support.patience import eventually
 from robovast.agent.__main__ import main
 from robovast.agent.container_control import RunContainer
 from robovast.agent.mounts import Folders
-from robovast.agent.scripts import AWAIT
+from robovast.agent.scripts import AWAIT, START
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 
 TELL = 'echo "$0 $*"\n'
@@ -80,6 +81,25 @@ def test_it_becomes_the_script_that_it_waits_for(
     prepare(folders)
     assert one.end().split() == [str(folders.config / "start.sh"), *names]
     assert not container.is_terminated()
+
+
+@pytest.mark.parametrize("script", [AWAIT, START], ids=["await", "start"])
+def test_a_shell_that_the_image_makes_strict_waits_too(
+    folders: Folders, started: list[Waiting], monkeypatch: pytest.MonkeyPatch, script: Path
+) -> None:
+    (folders.work / "strict").write_text("set -eu\n")
+    monkeypatch.setenv("BASH_ENV", str(folders.work / "strict"))
+    container = RunContainer(folders)
+    container.begin()
+    if script is START:
+        (folders.config / "environment.sh").write_text(f"ROBOVAST_OUT_DIR={folders.out}\n")
+        container.prepare()
+        shutil.copy(START, folders.config)
+    started.append(Waiting(folders))
+    time.sleep(1.0)
+    assert started[0].process.poll() is None
+    container.end()
+    assert started[0].end() == ""
 
 
 @pytest.mark.parametrize("names", [(), ("nav",)], ids=["main", "secondary"])
