@@ -584,7 +584,9 @@ def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, momen
     pod = Pod(campaign)
     container = pod.start_run(silence=8)
     if moment == "before":
-        pod.kill(pod.command("agent"))
+        agent = pod.command("agent")
+        agent.kill()  # at once: to look for all of its processes may take longer than its runs
+        pod.kill(agent)
         container.terminate()  # as it does itself after ten minutes
     elif moment == "while":
         with preparing(campaign) as begun:
