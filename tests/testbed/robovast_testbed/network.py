@@ -2,9 +2,13 @@
 
 import ipaddress
 import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 
 from . import debian, gobuild
 from .bed import Bed
+from .commands import run
 
 BRIDGE = "tb0"
 NODE_IP = "10.88.0.1"
@@ -45,3 +49,34 @@ def publish(bed: Bed, port: int) -> int:
             pass_fds=[fd],
         )
         return int(listener.getsockname()[1])
+
+
+@dataclass(frozen=True)
+class Cable:
+    """A network between two testbeds, which is otherwise none."""
+
+    address: str
+    """Under which the near testbed reaches the far one."""
+    far: Bed
+    plug: str
+    """Its network interface in the far testbed."""
+
+    @contextmanager
+    def pulled(self) -> Iterator[None]:
+        """Let it carry nothing for as long as the block runs."""
+        self.far.run("ip", "link", "set", self.plug, "down")
+        try:
+            yield
+        finally:
+            self.far.run("ip", "link", "set", self.plug, "up")
+
+
+def connect(near: Bed, far: Bed, number: int) -> Cable:
+    """Lay a cable between two testbeds; cables of a testbed have different numbers from 0."""
+    plug = f"cable-{number}"
+    ends = ("netns", near.netns.name, "type", "veth", "peer", "name", plug)
+    run(["ip", "link", "add", plug, *ends, "netns", far.netns.name])
+    for host, bed in enumerate((near, far), start=1):
+        bed.run("ip", "address", "add", f"10.89.{number}.{host}/24", "dev", plug)
+        bed.run("ip", "link", "set", plug, "up")
+    return Cable(f"10.89.{number}.2", far, plug)
