@@ -7,7 +7,7 @@ The same snapshot always leads to the same actions.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 from robovast.kubeapi.status import CampaignStatus
@@ -128,10 +128,11 @@ def _open_jobs(snapshot: Snapshot) -> list[Action]:
     spec = snapshot.accepted.spec
     if snapshot.quiet:
         return []
-    wrong = [job for job in snapshot.open if _is_wrong(snapshot, job) and not job.deleting]
+    anew = [job for job in snapshot.open if _is_to_be_made_anew(snapshot, job)]
+    others = [job for job in snapshot.open if job not in anew and not job.deleting]
+    wrong = [job for job in others if _is_wrong(snapshot, job)]
     actions: list[Action] = [SuspendJob(job.name, spec.suspend) for job in wrong]
-    stuck = [DeleteJob(job.name) for job in snapshot.open if _is_to_be_made_anew(snapshot, job)]
-    return [*actions, *stuck, *_resize(snapshot)]
+    return [*actions, *(_made_anew(snapshot, job) for job in anew), *_resize(snapshot)]
 
 
 def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
@@ -146,15 +147,31 @@ def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
     """Whether a Job must be replaced: it holds deleted pods, or waits where it is not to wait.
 
     So must one that begins anew in another cluster: what its status has counted may not decrease,
-    and it need not wait for a cluster that is lost.
+    and it need not wait for a cluster that is lost. And one that waits as for this cluster, though
+    its queue leads to others.
     """
-    if job.deleting:
-        return False
     spec = snapshot.accepted.spec
+    if job.deleting or (job.elsewhere and spec.suspend):
+        return False
     right = {"", DEFAULT_QUEUE} if spec.queue_name is None else {spec.queue_name}
     wrong = job.queue not in right or job.priority != (spec.queue_priority_class_name or "")
-    lost = job.elsewhere and job.begun and not spec.suspend
-    return job.name in snapshot.pods.stuck or (job.suspended and (wrong or lost))
+    lost = job.elsewhere and job.begun
+    waiting = snapshot.queue.waiting
+    misled = waiting is not None and waiting.misled and waiting.job == job.name
+    return job.name in snapshot.pods.stuck or (job.suspended and (wrong or lost or misled))
+
+
+def _made_anew(snapshot: Snapshot, job: JobState) -> Action:
+    """Replace a Job.
+
+    One that another cluster may still have gets a successor of another name, and is deleted when
+    that is there: of two Jobs of one name, one after the other, Kueue takes one for the other.
+    """
+    if not job.elsewhere:
+        return DeleteJob(job.name)
+    shard = next(shard for shard in snapshot.shards if snapshot.job(shard) is job)
+    name = snapshot.tries(shard).next_name
+    return CreateShard(replace(shard, job=name, parallelism=job.parallelism))
 
 
 def _resize(snapshot: Snapshot) -> list[Action]:
@@ -229,7 +246,9 @@ def _further_shards(snapshot: Snapshot) -> list[Action]:
 def _next_proposal(snapshot: Snapshot) -> list[Action]:
     """When the runs that a search waits for have ended: propose further ones, then append them."""
     at_work = {job.name for job in _at_work(snapshot)}
-    if not snapshot.due_to_propose or any(shard.job in at_work for shard in snapshot.awaited):
+    if not snapshot.due_to_propose:
+        return []
+    if any(job and job.name in at_work for job in map(snapshot.job, snapshot.awaited)):
         return []
     growth = snapshot.search.growth
     if isinstance(growth, Revision):
@@ -279,10 +298,11 @@ def _at_work(snapshot: Snapshot) -> list[JobState]:
 
 
 def _tidy(snapshot: Snapshot) -> list[Action]:
-    """Delete Jobs whose verdicts are in the status, except for the last few, and past plans."""
+    """Delete Jobs whose verdicts are in the status, except for the last few, and what is past."""
     told = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
     known = [job for job in told if job is not None and not job.open]
-    old = [*known[:-WINDOW], *snapshot.finish.old, *snapshot.search.past_jobs]
+    past = [*snapshot.finish.old, *snapshot.search.past_jobs, *snapshot.replaced]
+    old = [*known[:-WINDOW], *past]
     plans = [DeletePlan(name) for name in snapshot.past_plans]
     return [*plans, *(DeleteJob(job.name) for job in old if not job.deleting)]
 

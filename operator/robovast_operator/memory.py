@@ -103,7 +103,7 @@ class PodsCache:
     given_up: dict[str, Trouble] = field(default_factory=dict)
     """By uid of a Job that failed as a whole: the cause."""
     stuck: set[str] = field(default_factory=set)
-    """Jobs that hold back the deletion of their pods."""
+    """Jobs that hold back the deletion of their pods, or whose pods nobody makes."""
     trouble: Trouble | None = None
     diagnosed: float = -math.inf
     """When a stall was last diagnosed."""

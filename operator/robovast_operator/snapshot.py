@@ -167,7 +167,26 @@ class Snapshot:
 
     def job(self, shard: ShardPlan) -> JobState | None:
         """The Job of a shard, if it exists."""
-        return self.jobs.get(shard.job)
+        return self.tries(shard).last
+
+    def tries(self, shard: ShardPlan) -> Tries:
+        """The Jobs of a shard: a former one exists until its successor does."""
+        return self._tries.get(shard.job, Tries(shard.job, ()))
+
+    @cached_property
+    def _tries(self) -> Mapping[str, Tries]:
+        known = {shard.job for shard in self.shards}
+        found: dict[str, list[JobState]] = {}
+        for name, job in self.jobs.items():
+            first = name if name in known else name.rpartition("-")[0]
+            if first in known and number_of(name, first) is not None:
+                found.setdefault(first, []).append(job)
+        return {first: Tries.of(jobs, first) for first, jobs in found.items()}
+
+    @cached_property
+    def replaced(self) -> list[JobState]:
+        """Jobs of shards whose place others have taken."""
+        return [job for tries in self._tries.values() for job in tries.old]
 
     def runs_of(self, shard: ShardPlan) -> ShardRuns:
         """The runs of a shard."""
@@ -218,7 +237,7 @@ class Snapshot:
     @cached_property
     def all_ended(self) -> bool:
         """Whether every shard has ended, and no Job that repeats runs is left."""
-        known = {shard.job for shard in self.shards}
+        known = {job.name for tries in self._tries.values() for job in tries.jobs}
         jobs = self.jobs.values()
         strays = (job for job in jobs if job.role == "shard" and job.name not in known)
         return all(self.ended(shard) for shard in self.shards) and not any(j.open for j in strays)

@@ -209,6 +209,8 @@ class Diagnosis:
     ) -> Trouble | None:
         """Why the pods of a Job make no progress, from their status and from Events."""
         if job.elsewhere:
+            if await self._queues.is_let_in_here(job):
+                known.stuck.add(job.name)
             return unseen_cause(job, *await self._queues.worker(job))
         phase = _FAILED if at_work else "status.phase!=Succeeded"
         seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]

@@ -19,6 +19,7 @@ from robovast_operator.pods.waiting import (
     PARKED,
     QueueFindings,
     Waiting,
+    leads_elsewhere,
     no_class,
     place_of,
     waiting_of,
@@ -188,6 +189,14 @@ class Queues:
             return "", None
         path = paths.worker_cluster(await self._version(paths.KUEUE), name)
         return name, await self._answer(path, ANSWER_SECONDS)
+
+    async def is_let_in_here(self, job: JobState) -> bool:
+        """Whether a Job was admitted for this cluster, whose pods are to be in another one.
+
+        Nobody makes its pods then: its queue led elsewhere when it was made, and does so no more.
+        """
+        workload = await self._workload(job)
+        return workload is not None and not leads_elsewhere(workload)
 
     async def _workload(self, job: JobState) -> Object | None:
         """Kueue's Workload of a Job."""

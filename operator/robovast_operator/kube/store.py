@@ -88,9 +88,14 @@ class JobState:
         return bool(self.active or self.completed or self.failed)
 
     @property
+    def pods(self) -> int:
+        """Number of its pods that have not ended; nobody says so of those stopped elsewhere."""
+        return 0 if self.elsewhere and self.suspended else self.active
+
+    @property
     def at_work(self) -> int:
         """Number of pods whose containers have all started."""
-        return min(self.ready, self.active)
+        return min(self.ready, self.pods)
 
     @property
     def left(self) -> int:

@@ -1,8 +1,9 @@
-"""The Jobs of a task of our own whose last words nobody could read: they are made again. Pure.
+"""Jobs that were made again under another name, which has their number. Pure functions.
 
-A Job ends, and its pod is gone before the operator has looked at it: a cleaner removes pods at
-once, or the cluster keeps few of them. What it found is not known, so another Job finds it out,
-each after a longer pause. How many there were stands in the name of the last.
+A task of our own ends, and its pod is gone before the operator has looked at it: a cleaner removes
+pods at once, or the cluster keeps few of them. What it found is not known, so another Job finds it
+out, each after a longer pause. The Job of a shard is made again when another cluster has not
+executed all of it.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def number_of(name: str, task: str) -> int | None:
 
 @dataclass(frozen=True)
 class Tries:
-    """The Jobs of a task."""
+    """The Jobs of a task, or of a shard."""
 
     task: str
     """Name of the first."""

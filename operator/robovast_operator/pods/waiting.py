@@ -42,6 +42,8 @@ class Waiting:
     """Pods that the queue can give at once at most; None when it can give what is asked for."""
     parked: bool = False
     """Whether it was taken out of the queue by us."""
+    misled: bool = False
+    """Whether it was made for this cluster, and its queue leads to others by now."""
     place: QueuePlace | None = None
 
 
@@ -89,7 +91,7 @@ def waiting_of(workload: Object, job: JobState) -> Waiting | None:
 
 def _unchecked(workload: Object, job: JobState) -> Waiting | None:
     """What a Job with quota waits for: a worker cluster of MultiKueue, or another such check."""
-    for check in mappings(workload["status"].get("admissionChecks")):
+    for check in _checks(workload):
         if check.get("state") != "Ready":
             name, told = text(check.get("name")), text(check.get("message"))
             message = f"has quota of the queue {job.queue}, and waits for the check {name}"
@@ -115,12 +117,33 @@ def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object])
     name = workload["metadata"]["name"]
     if PARKED in (workload["metadata"].get("annotations") or {}):
         return Waiting(job.name, "Parked", "goes back into its queue", parked=True)
+    if not job.elsewhere and _is_for_others(workload):
+        message = f"the queue {job.queue} leads to other clusters now; its Job is made anew"
+        return Waiting(job.name, "Waiting", message, misled=True)
     told = conditions.get("Evicted", {}).get("message") or "spec.active is false"
     message = (
         f"its Workload {name} was taken out of the queue: {told}. Suspend the Campaign and "
         "resume it to put it back."
     )
     return Waiting(job.name, "Inactive", message, helpless=True)
+
+
+def _is_for_others(workload: Object) -> bool:
+    """Whether MultiKueue rejects a Workload because its Job is not one for other clusters.
+
+    No field says so, up to v1beta2 of Kueue 0.16; the message names the field of the Job.
+    """
+    rejected = (c for c in _checks(workload) if c.get("state") == "Rejected")
+    return any("spec.managedBy" in text(check.get("message")) for check in rejected)
+
+
+def leads_elsewhere(workload: Object) -> bool:
+    """Whether the queue of an admitted Workload may lead to other clusters: it has a check."""
+    return any(_checks(workload))
+
+
+def _checks(workload: Object) -> Iterable[Object]:
+    return mappings(workload["status"].get("admissionChecks"))
 
 
 def _is_about(workload: Object, condition: Object, pods: int) -> bool:

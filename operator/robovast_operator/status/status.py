@@ -165,7 +165,7 @@ def _numbers(snapshot: Snapshot) -> _Numbers:
     runs = Runs(
         total=snapshot.plan.total,
         active=sum(job.at_work for job in snapshot.open),
-        waiting=sum(job.active - job.at_work for job in snapshot.open),
+        waiting=sum(job.pods - job.at_work for job in snapshot.open),
         **_counts(tally),
         stored=tally.passed + tally.failed,
         undecided=snapshot.undecided,

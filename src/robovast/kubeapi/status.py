@@ -126,7 +126,7 @@ class Shard(Lenient):
     index: int
     """Number of the shard."""
     job: str
-    """Name of its Job."""
+    """Name of its Job; of one that was made anew for another cluster, that of the first."""
     state: Literal["Waiting", "Open", "Complete", "Failed"]
     """`Failed` when its Job did not come to its end."""
     packs: str = ""

@@ -6,16 +6,13 @@ import base64
 import os
 import random
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
+from support.kube.carried_files import inputs_of, shown
 from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted
 
-from robovast.agent.mounts import Folders
-from robovast.agent.sources import copy_inputs
 from robovast.base.errors import InputError
-from robovast.model.packs import CampaignPlan
-from robovast.storage.s3 import ObjectStore
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
@@ -46,33 +43,15 @@ def made(files: dict[str, str] | None = None, **source: Any) -> tuple[Object, di
     return job, {obj["metadata"]["name"]: obj for obj in there if obj is not None}
 
 
-def shown(job: Object, name: str) -> dict[str, str]:
-    """The files that a kubelet shows in a volume of the downward API."""
-    template = job["spec"]["template"]
-    (volume,) = (v for v in template["spec"]["volumes"] if v["name"] == name)
-    sources = [volume, *volume.get("projected", {}).get("sources", ())]
-    items = [item for source in sources for item in source.get("downwardAPI", {}).get("items", ())]
-    texts = {
-        f"metadata.annotations['{k}']": v for k, v in template["metadata"]["annotations"].items()
-    }
-    return {item["path"]: texts[item["fieldRef"]["fieldPath"]] for item in items}
-
-
 def test_pods_find_the_same_files_in_the_same_places(tmp_path: Path) -> None:
     files = {"files/step.sh": "#!/bin/sh\n"}
     job, config_maps = made(files, binaryFiles={"maps/hall.pgm": "AAECAw=="})
     assert set(config_maps_of(job)) == set(config_maps)
     carried = carrying(job, config_maps)
     assert config_maps_of(carried) == []
-    plan = shown(carried, "plan")
-    assert "scenario_file: scenario.osc" in plan["document.vast"]
-    for path, text in shown(carried, "files").items():
-        (tmp_path / "mounted" / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "mounted" / path).write_text(text)
-    plain = CampaignPlan.model_validate_json(plan["campaign.json"])
-    folders, target = Folders(files=tmp_path / "mounted"), tmp_path / "inputs"
-    copy_inputs(plain, folders, cast(ObjectStore, None), target)
-    found = {p.relative_to(target).as_posix(): p for p in target.rglob("*") if p.is_file()}
+    template = carried["spec"]["template"]
+    assert "scenario_file: scenario.osc" in shown(template, "plan")["document.vast"]
+    found = inputs_of(template, tmp_path)
     assert {path: file.read_bytes() for path, file in found.items()} == {
         "scenario.osc": SCENARIO.encode(),
         "files/step.sh": b"#!/bin/sh\n",

@@ -18,6 +18,7 @@ from robovast_operator.pods.waiting import (
     QueueFindings,
     Waiting,
     about,
+    leads_elsewhere,
     place_of,
     pods_that_fit,
     wait_seconds,
@@ -35,7 +36,7 @@ TOO_MANY = (
 def job(**changes: Any) -> JobState:
     """A Job of ten packs that waits."""
     waits = FakeJob("drive-0", "shard", 10, 4, suspended=True).state()
-    return replace(waits, queue="lab", **changes)
+    return replace(waits, **{"queue": "lab", **changes})
 
 
 def workload(reason: str = "Pending", message: str = "", **changes: Any) -> dict[str, Any]:
@@ -73,18 +74,82 @@ def test_a_job_with_quota_waits_for_a_worker_cluster() -> None:
         (True, False, {}, False),
         (True, False, {"completed": "0", "suspended": False}, False),
         (True, True, {"completed": "0"}, False),
+        (True, False, {"queue": "other"}, True),
+        (True, True, {"queue": "other"}, False),
         (False, False, {"completed": "0"}, False),
     ],
 )
 def test_what_a_worker_cluster_did_not_finish_is_a_new_job_for_the_next_one(
     elsewhere: bool, suspend: bool, state: dict[str, Any], anew: bool
 ) -> None:
-    world = World(accepted(queueName="lab", suspend=suspend))
-    snapshot = world.snapshot()
+    snapshot = World(accepted(queueName="lab", suspend=suspend)).snapshot()
     (shard,) = snapshot.shards
     held = job(name=shard.job, elsewhere=elsewhere, **state)
-    found = decide(replace(snapshot, jobs={shard.job: held}))
-    assert (DeleteJob(shard.job) in found.actions) == anew
+    found = decide(replace(snapshot, jobs={held.name: held}))
+    assert [a.shard for a in found.actions if isinstance(a, CreateShard)] == (
+        [replace(shard, job=f"{shard.job}-1", parallelism=held.parallelism)] if anew else []
+    )
+    assert not any(isinstance(action, DeleteJob) for action in (*found.actions, *found.later))
+
+
+def test_of_a_job_and_its_successors_the_last_counts_and_the_others_go() -> None:
+    """Whatever of them the operator finds when it starts."""
+    snapshot = World(accepted(queueName="lab")).snapshot()
+    (shard,) = snapshot.shards
+    lost = {"elsewhere": True, "active": 1, "completed": "0"}
+    names = [shard.job, *(f"{shard.job}-{number}" for number in (9, 10))]
+    jobs = [job(name=name, **lost) for name in names[:2]]
+    jobs.append(job(name=names[2], **{**lost, "suspended": False, "completed": "0-1"}))
+    seen = replace(snapshot, jobs={each.name: each for each in reversed(jobs)})
+    found = decide(seen)
+    assert found.actions == ()
+    assert found.later == (DeleteJob(names[0]), DeleteJob(names[1]))
+    assert found.status.runs.passed == 2
+    assert not seen.all_ended
+    stopped = replace(jobs[2], suspended=True)
+    (anew,) = decide(replace(seen, jobs={stopped.name: stopped})).actions
+    assert isinstance(anew, CreateShard)
+    assert anew.shard.job == f"{shard.job}-11"
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "state", "message", "misled"),
+    [
+        (False, "Rejected", 'Expecting spec.managedBy to be "x" not ""', True),
+        (False, "Rejected", "no capacity can be provisioned", False),
+        (False, "Retry", 'Expecting spec.managedBy to be "x" not ""', False),
+        (True, "Rejected", 'Expecting spec.managedBy to be "x" not ""', False),
+    ],
+)
+def test_a_job_that_was_made_before_its_queue_led_to_other_clusters_is_made_anew(
+    elsewhere: bool, state: str, message: str, misled: bool
+) -> None:
+    snapshot = World(accepted(queueName="lab")).snapshot()
+    (shard,) = snapshot.shards
+    held = job(name=shard.job, elsewhere=elsewhere)
+    rejected = workload(active=False)
+    rejected["status"]["admissionChecks"] = [{"state": state, "message": message}]
+    waiting = waiting_of(rejected, held)
+    assert waiting is not None
+    assert (waiting.misled, waiting.helpless) == (misled, not misled)
+    findings = QueueFindings(waiting)
+    found = decide(replace(snapshot, jobs={held.name: held}, queue=findings))
+    assert (DeleteJob(held.name) in found.actions) == misled
+
+
+@pytest.mark.parametrize(("checks", "elsewhere"), [([], False), ([{"state": "Ready"}], True)])
+def test_a_queue_without_checks_leads_nowhere_else(checks: list[Any], elsewhere: bool) -> None:
+    admitted = workload("QuotaReserved")
+    admitted["status"]["admissionChecks"] = checks
+    assert leads_elsewhere(admitted) == elsewhere
+
+
+def test_nothing_is_at_work_of_a_job_that_was_stopped_in_another_cluster() -> None:
+    """Nobody brings its status any more."""
+    known = {"elsewhere": True, "active": 3, "ready": 2}
+    stopped, runs = job(**known), job(**known, suspended=False)
+    assert (runs.pods, runs.at_work) == (3, 2)
+    assert (stopped.pods, stopped.at_work, stopped.begun) == (0, 0, True)
 
 
 def pending(*uids: str) -> list[dict[str, Any]]:
