@@ -175,9 +175,12 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
     assert follower.stdout is not None
     assert follower.stdout.readline() == "[robovast] run one-2/0\n"
     assert "hello 1" in lab.vast("exec", "cluster", "logs", "one-1/0", *inside).stdout
-    assert (
-        "has not come to it yet" in lab.vast("exec", "cluster", "logs", "one-3/0", *inside).stderr
-    )
+
+    def waits() -> str:
+        return lab.vast("exec", "cluster", "logs", "one-3/0", *inside).stderr
+
+    # The kubelet tells some seconds late that its pod is prepared.
+    eventually(lambda: "has not come to it yet" in waits())
     executed = lab.vast("exec", "cluster", "runs", "talk", *inside).stdout.splitlines()[1]
     assert re.match(r"one-1/0 and 2 more  running  \d+:", executed), executed
     shell = subprocess.run(
