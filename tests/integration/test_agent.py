@@ -476,15 +476,25 @@ def test_a_pod_that_is_told_to_end_keeps_what_is_over(make: Make) -> None:
     assert pod.message() == {"passed": "0", "failed": "", "errored": "", "counts": [1, 0, 0]}
 
 
-@one_server
-def test_a_container_ends_with_its_agent(make: Make) -> None:
-    campaign = make("sleep 600\n")
+def executing(
+    campaign: Campaign, silence: int
+) -> tuple[Pod, subprocess.Popen[bytes], subprocess.Popen[bytes]]:
+    """A pod that executes a run, its agent, which may be silent for so long [s], and the run's."""
     pod = Pod(campaign)
     agent = pod.command("agent")
     eventually(pod.script.exists)
-    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=30"))
+    script = pod.script.read_text()
+    assert "silence=120" in script
+    pod.script.write_text(script.replace("silence=120", f"silence={silence}"))
     container = pod.start_run()
     eventually(lambda: "Executing scenario" in pod.log("start"))
+    return pod, agent, container
+
+
+@one_server
+def test_a_container_ends_with_its_agent(make: Make) -> None:
+    campaign = make("sleep 600\n")
+    pod, agent, container = executing(campaign, silence=30)
     heartbeat = pod.work / "config/heartbeat"
     before = heartbeat.read_text()
     eventually(lambda: heartbeat.read_text() != before)
@@ -496,12 +506,7 @@ def test_a_container_ends_with_its_agent(make: Make) -> None:
 def test_a_run_whose_agent_was_silent_for_too_long_has_no_verdict(make: Make) -> None:
     """The agent was held up, as by a disk that hangs, and goes on: its run was ended by us."""
     campaign = make("sleep 600\n")
-    pod = Pod(campaign)
-    agent = pod.command("agent")
-    eventually(pod.script.exists)
-    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=14"))
-    container = pod.start_run()
-    eventually(lambda: "Executing scenario" in pod.log("start"))
+    _, agent, container = executing(campaign, silence=14)
     agent.send_signal(signal.SIGSTOP)
     assert container.wait(PATIENCE) == 0
     agent.send_signal(signal.SIGCONT)
@@ -513,12 +518,7 @@ def test_a_run_whose_agent_was_silent_for_too_long_has_no_verdict(make: Make) ->
 def test_a_pod_that_was_held_for_long_goes_on(make: Make) -> None:
     """As with a machine that slept: its clock goes on, and its agent writes a little later."""
     campaign = make("sleep 25\n")
-    pod = Pod(campaign)
-    agent = pod.command("agent")
-    eventually(pod.script.exists)
-    pod.script.write_text(pod.script.read_text().replace("silence=120", "silence=14"))
-    container = pod.start_run()
-    eventually(lambda: "Executing scenario" in pod.log("start"))
+    pod, agent, container = executing(campaign, silence=14)
     held = list(pids_of(pod.work))
     for pid in held:
         os.kill(pid, signal.SIGSTOP)

@@ -12,6 +12,7 @@ from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast.agent.scripts import AWAIT
 from robovast.base.docstrings import WITHOUT
+from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.source_files import inline_files
 from robovast.model.packs import CampaignPlan, Owner
@@ -130,7 +131,7 @@ def test_containers_of_a_run_wait_until_its_agent_has_prepared_it() -> None:
     agent = found["agent"]
     assert agent["command"][3:8] == ["agent", "--first-pack", "0", "--attempt", "1"]
     probe = agent["startupProbe"]
-    assert probe["exec"]["command"] == ["test", "-e", "/robovast/work/config/start.sh"]
+    assert probe["exec"]["command"] == ["test", "-e", f"{Mount.WORK.path}/config/start.sh"]
     assert probe["periodSeconds"] * probe["failureThreshold"] >= 24 * 3600, "inputs may be large"
     quiet = containers(job_of(made, replace(SETTINGS, silence_minutes=0)))["agent"]
     assert ("startupProbe" in quiet, "readinessProbe" in quiet) == (True, False)
