@@ -495,7 +495,7 @@ def executing(
 def test_a_container_ends_with_its_agent(make: Make) -> None:
     campaign = make("sleep 600\n")
     pod, agent, container = executing(campaign, silence=30)
-    heartbeat = pod.work / "config/heartbeat"
+    heartbeat = pod.work / "config/.robovast/heartbeat"
     before = heartbeat.read_text()
     eventually(lambda: heartbeat.read_text() != before)
     pod.kill(agent)
@@ -551,7 +551,7 @@ def test_a_pod_that_is_told_to_end_while_it_prepares_ends_at_once(make: Make) ->
     with preparing(campaign) as begun:
         container, agent = pod.start_run(), pod.command("agent")
         begun()
-        heartbeat = pod.work / "config/heartbeat"
+        heartbeat = pod.work / "config/.robovast/heartbeat"
         before = heartbeat.read_text()
         eventually(lambda: heartbeat.read_text() != before)
         agent.terminate()
@@ -592,7 +592,7 @@ def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, momen
         with preparing(campaign) as begun:
             agent = pod.command("agent")
             begun()
-            eventually(lambda: (pod.work / "config/heartbeat").read_text().strip())
+            eventually(lambda: (pod.work / "config/.robovast/heartbeat").read_text().strip())
             pod.kill(agent)
     else:
         assert pod.prepare() == 0
@@ -607,14 +607,14 @@ def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, momen
 
 
 @one_server
-def test_a_file_of_the_user_begins_no_run_and_gives_no_order(make: Make) -> None:
-    names = ("start.sh", "order", "heartbeat")
-    step = PASS + 'cat /config/order 2>/dev/null || cat "${0%/*/*}/order" >&2\n'
+def test_a_file_of_the_user_with_a_name_of_ours_arrives_and_orders_nothing(make: Make) -> None:
+    names = ("start.sh", "order", "heartbeat", "environment.sh")
+    step = PASS + 'cd "${0%/*/*}" && cat start.sh order heartbeat environment.sh\n'
     document = DOCUMENT.replace("['files/*']", f"['files/*', {', '.join(names)}]")
     campaign = make(step, document=document, files=dict.fromkeys(names, "end\n"))
     assert Pod(campaign).run() == 0
     assert campaign.verdicts() == {"one-1/0": "passed"}
-    assert "run 1" in campaign.read("_jobs/job-0/logs/system.log")
+    assert campaign.read("_jobs/job-0/logs/system.log").count(": end\n") == len(names)
 
 
 @one_server

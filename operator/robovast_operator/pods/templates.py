@@ -11,7 +11,7 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from robovast.agent.scripts import AWAIT, START
+from robovast.agent.scripts import AWAIT, FOLDER, START
 from robovast.agent.silence import SILENT
 from robovast.base.docstrings import WITHOUT
 from robovast.common.execution import COMPAT_VERSION
@@ -50,6 +50,7 @@ from robovast_operator.settings import Settings
 CAMPAIGN = (Mount.PLAN, Mount.FILES, Mount.CREDENTIALS)
 """What our own containers see of a campaign."""
 
+_START = f"{FOLDER}/{START.name}"
 _AWAIT_SCRIPT = AWAIT.read_text(encoding="utf-8")
 
 SHM = "/dev/shm"  # noqa: S108
@@ -246,7 +247,7 @@ def _run_container(
     return {
         "name": name,
         "image": accepted.image,
-        "command": ["bash", "-c", _AWAIT_SCRIPT, f"{CONFIG}/{START.name}", *arguments],
+        "command": ["bash", "-c", _AWAIT_SCRIPT, f"{CONFIG}/{_START}", *arguments],
         "resources": container_resources(accepted, resources) | _devices(accepted),
         "securityContext": confined(settings.restricted_runs),
         "volumeMounts": [
@@ -347,7 +348,7 @@ def _agent(settings: Settings, request: PackRequest) -> Object:
         requests["ephemeral-storage"] = settings.work_request
     resources = {**BESIDE_RUNS, "requests": requests}
     arguments = [AGENT, *request.arguments]
-    probes = {"startupProbe": _probe("-e", f"config/{START.name}") | _WHILE_PREPARING}
+    probes = {"startupProbe": _probe("-e", f"config/{_START}") | _WHILE_PREPARING}
     if settings.silence_minutes:
         arguments += ["--silence", f"{settings.silence_minutes * 60:g}"]
         probes["readinessProbe"] = _probe("!", "-e", SILENT) | _WHILE_RUNNING

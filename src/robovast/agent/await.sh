@@ -11,7 +11,7 @@
 set +eu # as an image may have it by BASH_ENV or SHELLOPTS
 
 here=${0%/*}
-answers=${here%/*}/out/.job
+answers=${here%/*/*}/out/.job
 silence=120  # how long the agent may be silent [s]
 again=6      # when to look once more, as in start.sh [s]
 patience=600 # how long it may take to come: its image may have to be pulled [s]

@@ -17,7 +17,7 @@ from robovast.base import safe_paths
 from robovast.base.stopwatch import Stopwatch
 
 ORDERS = ("order", "heartbeat")
-"""Files in the folder of a run's inputs."""
+"""Files in the folder of orders."""
 
 HEARTBEAT = 5.0
 """How often the agent renews its sign of life [s]."""
@@ -33,16 +33,16 @@ class RunContainer:
     """
 
     def __init__(self, folders: Folders) -> None:
-        self._config = folders.config
+        self._orders = folders.orders
         self._answers = folders.answers
         self._out = folders.out
 
     def begin(self) -> None:
         """Create the files of orders; the folders may be mounted already, so they stay."""
-        for folder in (self._config, self._out):
+        for folder in (self._orders, self._out):
             folder.mkdir(parents=True, exist_ok=True)
         for name in ORDERS:
-            (self._config / name).write_bytes(_padded(""))
+            (self._orders / name).write_bytes(_padded(""))
 
     def prepare(self) -> None:
         """Leave nothing in the output folder but that of the answers, whatever was put there."""
@@ -54,15 +54,15 @@ class RunContainer:
 
     def run(self, job: int) -> None:
         """Order job 1, 2, …; its inputs must be in place."""
-        _rewrite(self._config / "order", f"run {job}")
+        _rewrite(self._orders / "order", f"run {job}")
 
     def stop(self, job: int) -> None:
         """Order the end of a job that is running."""
-        _rewrite(self._config / "order", f"stop {job}")
+        _rewrite(self._orders / "order", f"stop {job}")
 
     def end(self) -> None:
         """Order the end of everything."""
-        _rewrite(self._config / "order", "end")
+        _rewrite(self._orders / "order", "end")
 
     def beat_for_ever(self) -> None:
         """Renew the sign of life periodically, until the agent ends."""
@@ -72,7 +72,7 @@ class RunContainer:
         while True:
             uptime = time.clock_gettime(time.CLOCK_BOOTTIME)
             with suppress(OSError):  # of a moment, as some disks have it when they are full
-                _rewrite(self._config / "heartbeat", f"{uptime:.0f}")
+                _rewrite(self._orders / "heartbeat", f"{uptime:.0f}")
             time.sleep(HEARTBEAT)
 
     def started(self, job: int, most: float = math.inf) -> Stopwatch | None:

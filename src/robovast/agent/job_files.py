@@ -33,7 +33,7 @@ def prepare_output(folders: Folders, job: PodStart) -> None:
 def write_environment(folders: Folders, environment: Mapping[str, str]) -> None:
     """Write the environment of a job as start.sh reads it."""
     lines = (f"export {name}={shlex.quote(value)}\n" for name, value in environment.items())
-    (folders.config / ENVIRONMENT_FILE).write_text("".join(lines), encoding="utf-8")
+    (folders.orders / ENVIRONMENT_FILE).write_text("".join(lines), encoding="utf-8")
 
 
 def write_parameters(folders: Folders, job: PodStart, scenario: Scenario) -> None:

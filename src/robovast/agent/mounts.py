@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from robovast.agent.scripts import FOLDER
 from robovast.execution.contract import CONFIG, OUT
 from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE, Mount
 
@@ -55,6 +56,11 @@ class Folders:
     def config(self) -> Path:
         """What runs see as `/config`, read-only."""
         return self.work / "config"
+
+    @property
+    def orders(self) -> Path:
+        """What the scripts in the run's containers read: start.sh, its environment, orders."""
+        return self.config / FOLDER
 
     @property
     def out(self) -> Path:

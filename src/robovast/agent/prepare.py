@@ -21,13 +21,14 @@ from robovast.agent.campaign import (
     open_composed,
 )
 from robovast.agent.claims import claim_job, hopeless
-from robovast.agent.container_control import ORDERS, RunContainer
+from robovast.agent.container_control import RunContainer
 from robovast.agent.job_files import prepare_output, write_environment, write_parameters
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Deciding, Pack
 from robovast.agent.results import Results
 from robovast.agent.reuse import key_parts, take_over
-from robovast.agent.scripts import START
+from robovast.agent.scripts import FOLDER, START
+from robovast.base.errors import InputError
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.job_config import build_config_folder, job_environment
@@ -228,19 +229,24 @@ def _common_files(campaign: Campaign, document: Document) -> Path:
     common = campaign.folders.scratch / "common"
     for path in container_files(document):
         copy_file(document.folder / path, common / path)
-    for script in (*contract_files(), START):
+    for script in contract_files():
         copy_file(script, common / script.name)
     return common
 
 
 def _fill_config(campaign: Campaign, pack: Pack, left: Sequence[Run], common: Path) -> None:
-    """Fill the folder of inputs; what is ours in it is no input's."""
+    """Fill the folder of inputs.
+
+    Raises:
+        InputError: one is called as our own folder.
+    """
     folders = campaign.folders
     made = folders.scratch / "config"
     build_config_folder(made, common, PackStart(0, tuple(left)), pack.scenario)
     for path in made.iterdir():
-        if path.name not in {*ORDERS, START.name}:
-            os.rename(path, folders.config / path.name)
+        if path.name == FOLDER:
+            raise InputError(f"{FOLDER}: this name among a run's inputs is RoboVAST's: rename it.")
+        os.rename(path, folders.config / path.name)
     if pack.first is not None:  # which may have some of the runs only
         write_parameters(folders, pack.first, pack.scenario)
 
@@ -249,4 +255,4 @@ def _let_begin(folders: Folders) -> None:
     """Put start.sh in place, for which the run's containers wait: nothing may follow."""
     copy = folders.scratch / START.name
     copy_file(START, copy)
-    os.rename(copy, folders.config / START.name)
+    os.rename(copy, folders.orders / START.name)

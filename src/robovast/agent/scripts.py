@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+FOLDER = ".robovast"
+"""Of what the agent and these scripts share, among a run's inputs, whose names are the user's."""
+
 START = Path(__file__).with_name("start.sh")
 """Runs the jobs that the agent orders."""
 

@@ -20,7 +20,7 @@
 set +eu # as an image may have it by BASH_ENV or SHELLOPTS
 
 name=$1
-here=${BASH_SOURCE[0]%/*}
+here=${BASH_SOURCE[0]%/*} # the folder of orders, among the inputs
 silence=120 # how long the agent may be silent [s]
 again=6     # when to look once more: if the machine slept, the agent has still to write [s]
 grace=10    # how long a job may take to end when it is told to [s]
@@ -92,9 +92,9 @@ enter_job() {
     source "$here/environment.sh"
     cd "$ROBOVAST_OUT_DIR" || exit
     unset CONTAINER_NAME # by it a pre command tells where it is
-    [[ $name ]] || exec bash "$here/entrypoint.sh"
+    [[ $name ]] || exec bash "${here%/*}/entrypoint.sh"
     export CONTAINER_NAME=$name ROS_LOG_DIR=$OUTPUT_DIR/logs/$name
-    exec bash "$here/secondary_entrypoint.sh"
+    exec bash "${here%/*}/secondary_entrypoint.sh"
 }
 
 # Ends the job when that is ordered, or when nobody is there to store it: as if somebody had told the

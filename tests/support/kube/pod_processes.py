@@ -176,7 +176,7 @@ class Pod:
     @property
     def script(self) -> Path:
         """What the containers of a run wait for: it is there when the run is prepared."""
-        return self.work / "config/start.sh"
+        return self.work / "config/.robovast/start.sh"
 
     def command(self, name: str, *arguments: object, index: int = 0) -> subprocess.Popen[bytes]:
         """Start one of our own containers."""

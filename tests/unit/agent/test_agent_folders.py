@@ -85,11 +85,11 @@ def test_the_worst_verdict_decides(verdicts: list[Verdict], code: AgentExit) -> 
 
 def test_orders_are_rewritten_in_place_and_whole(folders: Folders) -> None:
     container = prepared(folders)
-    inode = (folders.config / "order").stat().st_ino
+    inode = (folders.orders / "order").stat().st_ino
     container.run(12)
     container.end()
-    assert (folders.config / "order").read_text().split() == ["end"]
-    assert (folders.config / "order").stat().st_ino == inode
+    assert (folders.orders / "order").read_text().split() == ["end"]
+    assert (folders.orders / "order").stat().st_ino == inode
 
 
 def test_a_sign_of_life_that_cannot_be_written_is_not_the_last(
@@ -97,7 +97,7 @@ def test_a_sign_of_life_that_cannot_be_written_is_not_the_last(
 ) -> None:
     monkeypatch.setattr("robovast.agent.container_control.HEARTBEAT", 0.05)
     container = prepared(folders)
-    heartbeat, aside = folders.config / "heartbeat", folders.config / "aside"
+    heartbeat, aside = folders.orders / "heartbeat", folders.orders / "aside"
     container.beat_for_ever()
     eventually(lambda: heartbeat.read_text().strip())
     heartbeat.rename(aside)
@@ -205,7 +205,7 @@ def test_a_clock_that_is_set_makes_no_run_overdue(
     (ended,) = received.ended
     assert ended.result.verdict is Verdict.PASSED, ended.result.reason
     assert ended.observed[1] - ended.observed[0] < 600
-    assert (folders.config / "order").read_text().split() == [], "it was not told to stop"
+    assert (folders.orders / "order").read_text().split() == [], "it was not told to stop"
 
 
 def test_a_container_with_an_uptime_of_its_own_makes_no_run_overdue(folders: Folders) -> None:
@@ -235,10 +235,10 @@ def test_a_clock_that_is_set_makes_no_agent_silent(folders: Folders, tmp_path: P
     job = folders.out / "_jobs" / "job-0"
     write_environment(folders, {"ROBOVAST_OUT_DIR": str(folders.out), "OUTPUT_DIR": str(job)})
     (folders.config / "entrypoint.sh").write_text("sleep 2.5\n")
-    shutil.copy(START, folders.config)
+    shutil.copy(START, folders.orders)
     (tmp_path / "clock").write_text("set -T; trap 'SECONDS=$((SECONDS + 600))' DEBUG\n")
     process = subprocess.Popen(
-        ["bash", folders.config / START.name],
+        ["bash", folders.orders / START.name],
         env={**os.environ, "BASH_ENV": str(tmp_path / "clock")},
         start_new_session=True,
     )

@@ -37,7 +37,7 @@ class Waiting:
         for name, usual, seconds in (("silence", 120, silence), ("patience", 600, patience)):
             assert f"{name}={usual} " in text
             text = text.replace(f"{name}={usual} ", f"{name}={seconds} ")
-        command = ["bash", "-c", text, str(folders.config / "start.sh"), *names]
+        command = ["bash", "-c", text, str(folders.orders / "start.sh"), *names]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
     def end(self) -> str:
@@ -58,13 +58,13 @@ def started() -> Iterator[list[Waiting]]:
 
 def prepare(folders: Folders) -> None:
     (folders.work / "start.sh").write_text(TELL)
-    (folders.work / "start.sh").rename(folders.config / "start.sh")
+    (folders.work / "start.sh").rename(folders.orders / "start.sh")
 
 
 def beat(folders: Folders, ago: float = 0.0) -> None:
     """Give a sign of life of the agent."""
     uptime = time.clock_gettime(time.CLOCK_BOOTTIME) - ago
-    (folders.config / "heartbeat").write_text(f"{uptime:.0f}".ljust(31) + "\n")
+    (folders.orders / "heartbeat").write_text(f"{uptime:.0f}".ljust(31) + "\n")
 
 
 @pytest.mark.parametrize("names", [(), ("nav",)], ids=["main", "secondary"])
@@ -79,7 +79,7 @@ def test_it_becomes_the_script_that_it_waits_for(
     time.sleep(0.5)
     assert one.process.poll() is None
     prepare(folders)
-    assert one.end().split() == [str(folders.config / "start.sh"), *names]
+    assert one.end().split() == [str(folders.orders / "start.sh"), *names]
     assert not container.is_terminated()
 
 
@@ -92,9 +92,9 @@ def test_a_shell_that_the_image_makes_strict_waits_too(
     container = RunContainer(folders)
     container.begin()
     if script is START:
-        (folders.config / "environment.sh").write_text(f"ROBOVAST_OUT_DIR={folders.out}\n")
+        (folders.orders / "environment.sh").write_text(f"ROBOVAST_OUT_DIR={folders.out}\n")
         container.prepare()
-        shutil.copy(START, folders.config)
+        shutil.copy(START, folders.orders)
     started.append(Waiting(folders))
     time.sleep(1.0)
     assert started[0].process.poll() is None
@@ -120,7 +120,7 @@ def test_an_agent_that_comes_too_late_leaves_the_runs_to_another_pod(
     message = folders.work / "message"
     arguments = ["agent", f"--work={folders.work}", f"--message={message}"]
     assert main(arguments) == AgentExit.RUNS_LEFT, "no plan was asked for"
-    assert (folders.config / "order").read_text().split() == ["end"]
+    assert (folders.orders / "order").read_text().split() == ["end"]
 
 
 def test_an_agent_that_died_is_not_waited_for(folders: Folders, started: list[Waiting]) -> None:

@@ -32,6 +32,7 @@ from robovast_operator.pods.jobs import (
 from robovast_operator.pods.templates import inline_items, run_pod
 from robovast_operator.settings import Settings
 
+START = "/.robovast/start.sh"
 FILES = {"scenario.osc": SCENARIO.encode()}
 
 
@@ -125,13 +126,13 @@ def test_containers_of_a_run_wait_until_its_agent_has_prepared_it() -> None:
     made = accept(obj, FILES, SETTINGS)
     assert isinstance(made, Accepted)
     found = containers(job_of(made))
-    waiting = ["bash", "-c", AWAIT.read_text(), "/config/start.sh"]
+    waiting = ["bash", "-c", AWAIT.read_text(), f"/config{START}"]
     assert found["robovast"]["command"] == waiting
     assert found["sim"]["command"] == [*waiting, "sim"]
     agent = found["agent"]
     assert agent["command"][3:8] == ["agent", "--first-pack", "0", "--attempt", "1"]
     probe = agent["startupProbe"]
-    assert probe["exec"]["command"] == ["test", "-e", f"{Mount.WORK.path}/config/start.sh"]
+    assert probe["exec"]["command"] == ["test", "-e", f"{Mount.WORK.path}/config{START}"]
     assert probe["periodSeconds"] * probe["failureThreshold"] >= 24 * 3600, "inputs may be large"
     quiet = containers(job_of(made, replace(SETTINGS, silence_minutes=0)))["agent"]
     assert ("startupProbe" in quiet, "readinessProbe" in quiet) == (True, False)

@@ -39,7 +39,7 @@ def debug(context: str | None, namespace: str | None, words: Sequence[str]) -> N
         pod = kube.create_pod(debug_pod(campaign.resource, jobs[-1], id_))["metadata"]["name"]
         kubectl = "kubectl" + (f" --context {kube.context}" if kube.context else "")
         kubectl += f" --namespace {kube.namespace}"
-    inside = "source /config/environment.sh && cd /out && bash /config/entrypoint.sh"
+    inside = "source /config/.robovast/environment.sh && cd /out && bash /config/entrypoint.sh"
     say(f"{run} is executed once more in the pod {pod}, which stores nothing. When it has ended,")
     say(f"the pod stays, for {HOURS} h at most; what the run writes is in /out.")
     say(f"log:    {kubectl} logs --follow {pod} --container {RUN}")
