@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import ceil
 from statistics import median
 
-SHARE = 0.025
+SHARE = 0.02
 """Part of a pack's time that its start may take where runs abound: the smaller packs of the
 beginning and the end take another such part, so that all starts together stay below 5 %."""
 
@@ -21,7 +21,7 @@ GROWTH = 16
 """By how much packs grow from one round to the next at most: the first runs that end are the
 short ones, and say little of the others."""
 
-WAIT = 4
+WAIT = 6
 """How many starts as long as the last packs may take: smaller ones would cost a start more of each
 worker, which is longer than any would wait for the others."""
 
