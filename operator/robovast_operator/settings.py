@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 from robovast.base.errors import InputError
 from robovast.model.expansion.limit import DEFAULT, variant_limit
@@ -26,6 +27,8 @@ class Settings:
     """Secrets that Campaigns may name beside those with the prefix."""
     restricted_runs: bool = True
     """Whether run containers may not gain privileges."""
+    pod_limits: Mapping[str, int] = field(default_factory=dict)
+    """Most pods of runs at a time outside of queues, by namespace; `*` is every other one."""
     work_request: str = ""
     """Room on its node's disk that a run's pod asks for; none when empty."""
     work_limit: str = ""
@@ -58,7 +61,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
     """Settings from ROBOVAST_* variables.
 
     Raises:
-        InputError: one that must be there is missing, or a number is none.
+        InputError: one that must be there is missing, or a number or limit is none.
     """
 
     def needed(name: str) -> str:
@@ -87,6 +90,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         namespaces=names("ROBOVAST_NAMESPACES"),
         secret_names=names("ROBOVAST_SECRET_NAMES"),
         restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
+        pod_limits=_pod_limits(environment.get("ROBOVAST_POD_LIMITS") or "{}"),
         work_request=environment.get("ROBOVAST_WORK_REQUEST", ""),
         work_limit=environment.get("ROBOVAST_WORK_LIMIT", ""),
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
@@ -95,3 +99,14 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         port=int(number("port")),
         **numbers,
     )
+
+
+def _pod_limits(given: str) -> Mapping[str, int]:
+    try:
+        limits = json.loads(given)
+        return {str(space): int(most) for space, most in limits.items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise InputError(
+            "The environment variable ROBOVAST_POD_LIMITS is no JSON object of numbers by "
+            f"namespace: {given}"
+        ) from error

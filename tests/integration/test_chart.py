@@ -30,6 +30,7 @@ from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import first_attempts
 from robovast_operator.pods.jobs import shard_job, task_job
 from robovast_operator.pods.templates import notify_pod
+from robovast_operator.settings import read_settings
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,7 @@ from robovast_operator.pods.templates import notify_pod
         ({"storage": {"embedded": {"size": "10 GB"}}}, "/storage/embedded/size': '10 GB'"),
         ({"kueue": {"share": 110}}, "/kueue/share': maximum: got 110, want 100"),
         ({"operator": {"resources": {"limit": {}}}}, "'limit' not allowed"),
+        ({"operator": {"podLimits": {"team-a": 0}}}, "minimum: got 0, want 1"),
         ({"scheduling": {"hostNetwork": True}}, "'hostNetwork' not allowed"),
         ({"storage": {"embedded": {"enabled": False}}}, "storage.external.endpoint is needed"),
         (
@@ -112,6 +114,18 @@ def test_namespaces_of_the_operator_get_credentials_queue_and_limits() -> None:
     assert runs == {f"{n}/robovast-runs" for n in everywhere}
     secrets = of_kind(objects, "Secret").values()
     assert len({obj["stringData"]["secretKey"] for obj in secrets}) == 1
+
+
+@pytest.mark.parametrize("limits", [{}, {"team-a": 200, "*": 1_000_000}])
+def test_the_operator_reads_the_limits_of_pods_that_the_values_state(
+    limits: dict[str, int],
+) -> None:
+    deployment = of_kind(rendered({"operator": {"podLimits": limits}}), "Deployment")[
+        "robovast-operator"
+    ]
+    (container,) = deployment["spec"]["template"]["spec"]["containers"]
+    environment = {item["name"]: item.get("value", "") for item in container["env"]}
+    assert read_settings(environment).pod_limits == limits
 
 
 PAGE = (CHART.parents[1] / "docs/cluster-admin.md").read_text()

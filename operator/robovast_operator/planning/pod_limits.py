@@ -1,0 +1,146 @@
+"""How many pods of runs a campaign may have where the installation limits those of a namespace.
+
+The campaigns of a namespace that stand in no queue share its pods as evenly as what they want
+allows (max-min fairness), the oldest first where that leaves a rest. Nobody's pods are ended for
+another: who has more than its share makes no further Jobs until it has less. Pure functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from robovast.kubeapi.resources import SHARD_ROLE
+from robovast_operator.kube.lenient import mapping, number, text
+from robovast_operator.kube.objects import Identity, Key, Object
+from robovast_operator.kube.store import JobState, Store
+from robovast_operator.kube.turns import OTHERS
+
+_ENDED = ("passed", "failed", "errored", "undecided", "notNeeded")
+_IDLE = {"Composing", "Failed", "Finished", "Finishing", "Rejected", "Suspended"}
+"""States in which a campaign has no runs to execute; it is in another before it has any."""
+
+
+@dataclass(frozen=True)
+class PodLimit:
+    """What a campaign is limited to."""
+
+    most: int
+    """Pods of runs of all campaigns of its namespace at a time."""
+    own: int
+    """How many of them it may have now; it keeps those that it has."""
+    taken: bool
+    """Whether others have all of them."""
+    has: int = 0
+    """How many it has."""
+    waiting: tuple[Key, ...] = ()
+    """Campaigns of the namespace that have none and wait for some, the oldest first."""
+
+    @property
+    def told(self) -> str:
+        """Why a campaign that may have none waits."""
+        return (
+            f"the namespace may have {self.most} pods of runs at a time (`operator.podLimits` of "
+            "the installation), and other campaigns have them; it gets its share as they end"
+        )
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What a campaign wants of its namespace's pods, and what it has."""
+
+    wanted: int
+    has: int
+
+
+def pod_limit(limits: Mapping[str, int], store: Store, own: Identity) -> PodLimit | None:
+    """The limit of a campaign; None if it has none.
+
+    Args:
+        limits: most pods of runs at a time, by namespace.
+        store: what is known of all campaigns.
+        own: the campaign.
+    """
+    most = most_pods(limits, own.namespace)
+    if most is None:
+        return None
+    claims = _claims(store, own.namespace)
+    if own.key not in claims:
+        return None
+    others = sum(claim.has for key, claim in claims.items() if key != own.key)
+    wanted = [claim.wanted for claim in claims.values()]
+    share = shares(most, wanted)[list(claims).index(own.key)]
+    return PodLimit(
+        most,
+        own=max(0, min(share, most - others)),
+        taken=others >= most,
+        has=claims[own.key].has,
+        waiting=tuple(key for key in claims if _waits(store.campaigns[key])),
+    )
+
+
+def most_pods(limits: Mapping[str, int], namespace: str) -> int | None:
+    """Pods of runs that a namespace may have at a time; None where they are not limited.
+
+    A Job has no more packs than that. It keeps its pods until it ends, so that others wait for at
+    most four packs (robovast_operator.planning.shards.WINDOW) of a campaign that has all pods.
+    """
+    return limits.get(namespace, limits.get(OTHERS))
+
+
+def shares(most: int, wanted: Sequence[int]) -> list[int]:
+    """Divide pods as evenly as possible; nobody gets more than is wanted, the first get the rest.
+
+    Args:
+        most: pods to divide.
+        wanted: how many each wants, the oldest first.
+    """
+    found = [0] * len(wanted)
+    left = most
+    modest_first = sorted(range(len(wanted)), key=lambda index: (wanted[index], -index))
+    for rank, index in enumerate(modest_first):
+        found[index] = min(wanted[index], left // (len(wanted) - rank))
+        left -= found[index]
+    return found
+
+
+def _claims(store: Store, namespace: str) -> dict[Key, Claim]:
+    """The claims of all campaigns of a namespace that stand in no queue, the oldest first."""
+    own = [obj for (space, _), obj in store.campaigns.items() if space == namespace]
+    found = {}
+    for obj in sorted(own, key=_age):
+        identity = Identity.of(obj)
+        if mapping(obj.get("spec")).get("queueName") is None:
+            jobs = store.jobs_of(identity.key, identity.uid).values()
+            found[identity.key] = Claim(_wanted(obj), sum(map(_pods, jobs)))
+    return found
+
+
+def _waits(obj: Object) -> bool:
+    return text(mapping(obj.get("status")).get("state")) == "Queued"
+
+
+def _age(obj: Object) -> tuple[str, str]:
+    meta = obj["metadata"]
+    return text(meta.get("creationTimestamp")), text(meta.get("name"))
+
+
+def _wanted(obj: Object) -> int:
+    """How many pods a campaign can use: not more than it has packs left, as far as is known."""
+    spec, status = mapping(obj.get("spec")), mapping(obj.get("status"))
+    going = "deletionTimestamp" in obj["metadata"]
+    if spec.get("suspend") is True or going or text(status.get("state")) in _IDLE:
+        return 0
+    runs: Mapping[str, Any] = mapping(status.get("runs"))
+    most, total = number(spec.get("parallelism"), 1), number(runs.get("total"))
+    left = total - sum(number(runs.get(key)) for key in _ENDED)
+    execution = mapping(mapping(spec.get("vast")).get("execution"))
+    size = max(1, number(execution.get("runs_per_job"), 1))
+    return max(0, min(most, -(-left // size))) if total else most
+
+
+def _pods(job: JobState) -> int:
+    """How many pods a Job may have now."""
+    mine = job.role == SHARD_ROLE and job.open and not (job.queue or job.suspended or job.elsewhere)
+    return min(job.parallelism, job.left) if mine else 0
