@@ -7,6 +7,8 @@ import os
 import re
 import subprocess
 import urllib.request
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,7 +22,7 @@ from support.campaigns.local import (
     verdicts,
 )
 from support.campaigns.local import run as run_here
-from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files
+from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files, make_lab
 from support.patience import eventually
 from support.servers.notices import POD_PORT, receiver_pod
 
@@ -74,6 +76,52 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
         status = lab.campaign(name)["status"]
         assert status["progress"] == "13/13"
         assert lab.conditions(name)["Passed"]["status"] == "True"
+
+
+@pytest.fixture
+def divided(lab: Lab, tmp_path: Path) -> Iterator[Lab]:
+    """The lab with contexts `a` and `b` of two namespaces, as those of two clusters, and `none`."""
+    other = make_lab(lab.cluster, f"{lab.namespace}-b", tmp_path)
+    config = json.loads(lab.cluster.kubeconfig.read_text())
+    (known,) = config["contexts"]
+    spaces = {"a": lab.namespace, "b": other.namespace, "none": "none"}
+    config["contexts"] = [
+        {"name": name, "context": {**known["context"], "namespace": space}}
+        for name, space in spaces.items()
+    ]
+    path = tmp_path / "contexts.kubeconfig"
+    path.write_text(json.dumps({**config, "current-context": "none"}))
+    yield replace(lab, env={**lab.env, "KUBECONFIG": str(path)})
+    lab.cluster.kubectl("delete", "namespace", other.namespace, "--wait=false")
+
+
+def test_a_campaign_is_divided_among_clusters_and_comes_home_as_one(
+    divided: Lab, tmp_path: Path
+) -> None:
+    lab = divided
+    path = make_campaign(lab.folder / "in", '[ "$1" != 2 ]\n', "  runs: 2\n", QUICK)
+    run = ("-V", path, "exec", "cluster", "run", "-i", images.SLIM)
+    refused = lab.vast(*run, "-x", "a", "-x", "none", code=None)
+    assert refused.returncode != 0
+    assert "none" in refused.stderr
+    assert lab.get("campaigns")["items"] == [], "a part alone is not left behind"
+    few = lab.vast(*run, "-c", "one-1", "-x", "a", "-x", "b", code=2)
+    assert "only 1 configurations to divide" in few.stderr
+    done = lab.vast(*run, "-x", "a", "-x", "b", code=1)
+    name = re.search(r"-i (\S+) --context a --context b", done.stdout)
+    assert name is not None, done.stdout
+    home = ("results", "download", "-i", name[1], "-o", "home")
+    lab.vast(*home, "-x", "a", "-x", "b")
+    lab.vast("-V", path, "exec", "local", "run", "--runtime", "process", "here", code=1)
+    (mine,), (theirs,) = (sorted((lab.folder / f).glob("quick-*")) for f in ("here", "home"))
+    assert lab.verdicts(theirs) == lab.verdicts(mine)
+    assert len(lab.verdicts(mine)) == 6
+    assert {r.parent.name for r in theirs.glob("*/*/run.json")} == {"0", "1"}
+    assert [f.name for f in (lab.folder / "home").iterdir()] == [theirs.name], "no part is left"
+    assert "is in home/" in lab.vast(*home, "-x", "a", "-x", "b").stdout
+    (part,) = lab.get("campaigns")["items"]
+    assert part["spec"]["select"] == ["1/2"]
+    assert "one context twice" in lab.vast(*home, "-x", "a", "-x", "a", code=2).stderr
 
 
 def test_each_configuration_has_as_many_runs_as_it_needs_and_everybody_says_so(

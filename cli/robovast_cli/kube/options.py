@@ -25,6 +25,17 @@ Context = Annotated[
         show_default=False,
     ),
 ]
+Contexts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-x",
+        "--context",
+        metavar="NAME",
+        help="Context of the kubeconfig; the current one when omitted. If it is repeated, the "
+        "campaign's configurations are divided among these clusters.",
+        show_default=False,
+    ),
+]
 Namespace = Annotated[
     str | None,
     typer.Option(

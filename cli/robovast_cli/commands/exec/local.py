@@ -15,7 +15,8 @@ Select = Annotated[
         "-c",
         "--config",
         metavar="NAME|GLOB",
-        help="Only these: a configuration, an entry, or a glob; may be repeated.",
+        help="Only these: a configuration, an entry, or a glob; `N/M`, of these the N-th of M "
+        "parts. May be repeated.",
         show_default=False,
     ),
 ]

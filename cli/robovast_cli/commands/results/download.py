@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from robovast_cli.commands.results.options import Target
-from robovast_cli.kube.options import Context, Namespace
+from robovast_cli.kube.options import Namespace
 from robovast_cli.lazy import new_app
 
 app = new_app("Download results from the cluster's storage, or from the share.")
@@ -49,7 +49,17 @@ def download(
     debug: Annotated[
         bool, typer.Option("--debug", help="Print each HTTP request and its status on stderr.")
     ] = False,
-    context: Context = None,
+    context: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-x",
+            "--context",
+            metavar="NAME",
+            help="Context of the kubeconfig; the current one when omitted. If it is repeated, the "
+            "campaign was divided among these clusters, and its parts are merged.",
+            show_default=False,
+        ),
+    ] = None,
     namespace: Namespace = None,
 ) -> None:
     """Download results: verified, each run or archive completely or not at all.
@@ -73,9 +83,13 @@ def download(
 
     with cluster_extra():
         from robovast_cli.commands.results.downloading import download_campaigns
+        from robovast_cli.commands.results.parts import download_parts
 
+    if context and len(context) > 1:
+        download_parts(context, namespace, names, output, force=force)
+        return
     try:
-        download_campaigns(context, namespace, names, output, force=force)
+        download_campaigns(context[0] if context else None, namespace, names, output, force=force)
     except CannotRunError as error:
         if cluster_is_meant:
             raise

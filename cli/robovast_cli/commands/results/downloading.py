@@ -77,7 +77,7 @@ def download_run(context: str | None, namespace: str | None, run: str, output: P
     name, _, path = run.partition("/")
     with connect(context, namespace) as kube:
         known = [CampaignState(item) for item in kube.campaigns()]
-        folder = _download(kube, named_results(kube, known, name), output, run=path)
+        folder = download_results(kube, named_results(kube, known, name), output, run=path)
     return folder / path
 
 
@@ -127,14 +127,14 @@ def results_of(campaign: CampaignState) -> Results:
 def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bool:
     """Fetch a campaign; a fault in one keeps none of the others."""
     try:
-        _download(kube, results, output, force=force)
+        download_results(kube, results, output, force=force)
     except StorageError as error:
         tell(f"error: {error}")
         return False
     return True
 
 
-def _download(
+def download_results(
     kube: Kubernetes, results: Results, output: Path, *, force: bool = False, run: str | None = None
 ) -> Path:
     """Fetch a campaign, or a run of it; returns the campaign's folder."""

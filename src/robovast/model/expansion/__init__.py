@@ -1,7 +1,13 @@
 """Expansion of a document's configuration entries into variants."""
 
 from robovast.model.expansion.expand import Composition, compose, expand
-from robovast.model.expansion.select import Selection, patterns_of, select_any, select_variants
+from robovast.model.expansion.select import (
+    Selection,
+    part_pattern,
+    patterns_of,
+    select_any,
+    select_variants,
+)
 from robovast.model.variant import ConfigFile, Variant, VariationRecord
 
 __all__ = [
@@ -12,6 +18,7 @@ __all__ = [
     "VariationRecord",
     "compose",
     "expand",
+    "part_pattern",
     "patterns_of",
     "select_any",
     "select_variants",

@@ -1,8 +1,9 @@
-"""Selects variants by name."""
+"""Selects variants by name, or every so many of them."""
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from typing import TypeAlias
@@ -11,7 +12,10 @@ from robovast.base.errors import InputError
 from robovast.model.variant import Variant
 
 Selection: TypeAlias = str | Sequence[str] | None
-"""A name or glob, or several of them; None selects all."""
+"""A name or glob, or several of them; `N/M` of them the N-th of M parts; None selects all."""
+
+_PART = re.compile(r"0*([1-9]\d{0,8})/0*([1-9]\d{0,8})")
+"""No name of a configuration has a slash."""
 
 
 def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
@@ -38,12 +42,38 @@ def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
 def select_any(variants: Sequence[Variant], selection: Selection) -> list[Variant]:
     """Variants that match a pattern or any of several, in their order; no pattern selects all.
 
+    A pattern `2/3` selects of those the second, the fifth, the eighth and so on: the second of
+    three parts that are as equal as possible, and have all of them together.
+
     Raises:
         InputError: a pattern matches no variant.
     """
     patterns = patterns_of(selection)
-    chosen = {v.name for pattern in patterns for v in select_variants(variants, pattern)}
-    return [v for v in variants if v.name in chosen or not patterns]
+    parts = [pattern for pattern in patterns if _PART.fullmatch(pattern)]
+    names = [pattern for pattern in patterns if pattern not in parts]
+    chosen = {v.name for pattern in names for v in select_variants(variants, pattern)}
+    found = [v for v in variants if v.name in chosen or not names]
+    for part in parts:
+        found = _part_of(found, part)
+    return found
+
+
+def part_pattern(number: int, of: int) -> str:
+    """The pattern of a part, from 1."""
+    return f"{number}/{of}"
+
+
+def _part_of(variants: Sequence[Variant], pattern: str) -> list[Variant]:
+    match = _PART.fullmatch(pattern)
+    number, of = map(int, match.groups()) if match else (1, 1)
+    if number > of:
+        raise InputError(f"`{pattern}`: of {of} parts there is none with the number {number}.")
+    if number > len(variants):
+        raise InputError(
+            f"`{pattern}`: this part is empty, as there are only {len(variants)} configurations "
+            "to divide."
+        )
+    return list(variants[number - 1 :: of])
 
 
 def patterns_of(selection: Selection) -> list[str]:

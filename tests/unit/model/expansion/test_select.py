@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robovast.base.errors import InputError
-from robovast.model.expansion import Selection, Variant, select_any
+from robovast.model.expansion import Selection, Variant, part_pattern, select_any
 
 VARIANTS = [Variant(f"{entry}-{i}", entry, {}) for entry in ("hall", "depot") for i in (1, 2)]
 
@@ -18,6 +20,9 @@ VARIANTS = [Variant(f"{entry}-{i}", entry, {}) for entry in ("hall", "depot") fo
         ("hall", ["hall-1", "hall-2"]),
         ("*-2", ["hall-2", "depot-2"]),
         (["depot-1", "hall", "*-1"], ["hall-1", "hall-2", "depot-1"]),
+        ("1/3", ["hall-1", "depot-2"]),
+        ("2/3", ["hall-2"]),
+        (["2/2", "hall", "depot-1"], ["hall-2"]),
     ],
 )
 def test_what_matches_any_pattern_is_selected_once_in_order(
@@ -29,3 +34,22 @@ def test_what_matches_any_pattern_is_selected_once_in_order(
 def test_a_pattern_among_others_that_matches_nothing_is_named() -> None:
     with pytest.raises(InputError, match=r"no configuration matches `hull`.*hall"):
         select_any(VARIANTS, ["depot", "hull"])
+
+
+@given(st.integers(1, 40), st.integers(1, 40))
+def test_each_configuration_is_in_one_of_the_parts_which_are_as_equal_as_possible(
+    number: int, of: int
+) -> None:
+    variants = [Variant(f"v-{i}", "v", {}) for i in range(number)]
+    parts = [select_any(variants, part_pattern(n, of)) for n in range(1, min(number, of) + 1)]
+    assert sorted(v.name for part in parts for v in part) == sorted(v.name for v in variants)
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+
+
+@pytest.mark.parametrize(
+    ("pattern", "told"),
+    [("3/2", "`3/2`: of 2 parts there is none"), ("5/5", "only 4 configurations to divide")],
+)
+def test_a_part_that_is_empty_is_refused(pattern: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        select_any(VARIANTS, pattern)

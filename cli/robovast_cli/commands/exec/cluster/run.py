@@ -6,7 +6,8 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -18,9 +19,10 @@ from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_cli.commands.exec.cluster import notifying, sharing
+from robovast_cli.commands.exec.cluster.parts import Part, divided, part_name, worst
 from robovast_cli.commands.exec.cluster.remove import remove_finished
 from robovast_cli.kube.api import Kubernetes, connect
-from robovast_cli.kube.api_errors import ConflictError, UnreachableError
+from robovast_cli.kube.api_errors import UnreachableError
 from robovast_cli.kube.status import CampaignState
 from robovast_cli.kube.store import installed_place, open_store
 from robovast_cli.ui.cluster_view import follow_view
@@ -30,8 +32,6 @@ INTERVAL = 1.0
 """Time between two looks at a campaign [s]."""
 QUEUE = "robovast"
 """Kueue LocalQueue that `setup` makes where Kueue is installed."""
-ATTEMPTS = 3
-"""Most names that are tried."""
 
 
 def print_campaign(
@@ -51,103 +51,154 @@ def print_campaign(
 def run(
     document: Document,
     options: SubmitOptions,
-    context: str | None,
+    contexts: Sequence[str],
     namespace: str | None,
     *,
     detach: bool,
     clean_before: bool,
 ) -> ExitCode:
-    """Execute a document on a cluster.
+    """Execute a document on a cluster, or a part of it on each of several.
 
     Args:
         document: the checked document.
         options: what counts beside it.
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
+        contexts: of the kubeconfig, one for each cluster; the current one when there is none.
+        namespace: the contexts' when None.
         detach: do not wait for the end.
         clean_before: remove finished campaigns before.
+
+    Raises:
+        InputError: there is nothing to divide among so many.
     """
+    wanted = divided(document, options, contexts)
+    name = campaign_name(document, unique=True)
     told, shared = notifying.receivers(environment()), sharing.share_of(environment())
-    with connect(context, namespace) as kube:
+    with ExitStack() as stack:
+        clusters = [stack.enter_context(connect(context, namespace)) for context in contexts]
+        clusters = clusters or [stack.enter_context(connect(None, namespace))]
         if clean_before:
-            remove_finished(kube)
-        queue = options.queue or (QUEUE if kube.has_queue(QUEUE) else None)
-        chosen = replace(options, context=kube.context, queue=queue)
-        campaign = submit(kube, document, chosen, told, shared)
-        say(f"Campaign {campaign.name} is in the cluster (namespace {kube.namespace}).")
-        notifying.begin(kube, campaign.resource, told)
-        sharing.begin(kube, campaign.resource, shared)
+            for kube in clusters:
+                remove_finished(kube)
+        parts = _submitted(clusters, document, wanted, name, told, shared)
+        for part in parts:
+            say(f"Campaign {part.campaign.name} is in {_where(part.kube, contexts)}.")
+            notifying.begin(part.kube, part.campaign.resource, told)
+            sharing.begin(part.kube, part.campaign.resource, shared)
         if detach:
-            say_how_to_go_on(campaign.name)
+            _say_how_to_go_on(parts, contexts, name)
             return ExitCode.OK
-        return follow(kube, campaign)
+        return _follow(parts, contexts, name)
 
 
-def submit(
-    kube: Kubernetes,
+def _where(kube: Kubernetes, contexts: Sequence[str]) -> str:
+    cluster = f"cluster of {kube.context}" if len(contexts) > 1 else "cluster"
+    return f"the {cluster} (namespace {kube.namespace})"
+
+
+def _submitted(
+    clusters: Sequence[Kubernetes],
     document: Document,
-    options: SubmitOptions,
+    wanted: Sequence[SubmitOptions],
+    name: str,
     told: Mapping[str, str],
     shared: Mapping[str, str],
-) -> CampaignState:
-    """Create the Campaign of a document, its archive in S3 before when it needs one.
+) -> list[Part]:
+    """Create the Campaigns of a document: all of them, or after an error none.
 
     Args:
-        kube: the cluster.
+        clusters: one for each part.
         document: the checked document.
-        options: what counts beside it.
+        wanted: what counts beside it, of each part.
+        name: of the campaign.
         told: receivers of notifications (`notifying.receivers`).
         shared: variables of the share for its results (`sharing.share_of`).
     """
-    for attempt in range(ATTEMPTS):
-        name = campaign_name(document, unique=True)
-        submission = prepare_submission(document, options, name, kube.namespace)
-        if submission.archive and not attempt:
-            _upload(kube, submission)
-        try:
-            wanted = notifying.with_notifications(submission.campaign, told)
-            wanted = sharing.with_share(wanted, shared)
-            return CampaignState(kube.create_campaign(wanted))
-        except ConflictError:
-            if attempt == ATTEMPTS - 1:
-                raise
-    raise AssertionError("unreachable")
+    parts: list[Part] = []
+    submissions = [
+        _prepared(kube, document, options, part_name(name, number, len(clusters)))
+        for number, (kube, options) in enumerate(zip(clusters, wanted, strict=True), 1)
+    ]
+    try:
+        for kube, submission in zip(clusters, submissions, strict=True):
+            if submission.archive:
+                _upload(kube, submission)
+            campaign = notifying.with_notifications(submission.campaign, told)
+            made = kube.create_campaign(sharing.with_share(campaign, shared))
+            parts.append(Part(kube, CampaignState(made)))
+    except BaseException:
+        for part in parts:
+            with contextlib.suppress(UnreachableError):
+                part.kube.delete_campaign(part.campaign.name)
+        raise
+    return parts
 
 
-def follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
-    """Show a campaign until it ends; Ctrl-C ends only that."""
+def _prepared(
+    kube: Kubernetes, document: Document, options: SubmitOptions, name: str
+) -> Submission:
+    queue = options.queue or (QUEUE if kube.has_queue(QUEUE) else None)
+    chosen = replace(options, context=kube.context, queue=queue)
+    return prepare_submission(document, chosen, name, kube.namespace)
+
+
+def _follow(parts: Sequence[Part], contexts: Sequence[str], name: str) -> ExitCode:
+    """Show campaigns until they end; Ctrl-C ends only that."""
     try:
         with follow_view() as view:
-            for state in _states(kube, campaign):
-                view.update([state])
+            for states in _states(parts):
+                view.update(states)
     except KeyboardInterrupt:
-        say(f"\nNo longer followed: the campaign {campaign.name} goes on in the cluster.")
-        say_how_to_go_on(campaign.name)
+        say(f"\nNo longer followed: {_goes_on(parts)}.")
+        _say_how_to_go_on(parts, contexts, name)
         return ExitCode.INTERRUPTED
-    for line in state.summary():
-        say(line)
-    say(f"Results: vast results download -i {campaign.name}")
-    return state.exit_code
+    for state in states:
+        for line in state.summary():
+            say(line)
+    say(f"Results: {_download_command(contexts, name)}")
+    return worst(state.exit_code for state in states)
 
 
-def say_how_to_go_on(name: str) -> None:
-    """Print what can be done with a campaign that is being executed."""
-    say("Watch:    vast exec cluster monitor")
-    say(f"Stop:     vast exec cluster stop -i {name}")
-    say(f"Results:  vast results download -i {name}")
+def _goes_on(parts: Sequence[Part]) -> str:
+    if len(parts) == 1:
+        return f"the campaign {parts[0].campaign.name} goes on in the cluster"
+    return f"{', '.join(part.campaign.name for part in parts)} go on in their clusters"
 
 
-def _states(kube: Kubernetes, campaign: CampaignState) -> Iterator[CampaignState]:
-    """The campaign again and again until it is finished; an API server may be gone for a while."""
-    yield campaign
-    while not campaign.finished:
+def _say_how_to_go_on(parts: Sequence[Part], contexts: Sequence[str], name: str) -> None:
+    """Print what can be done with campaigns that are being executed."""
+    for part in parts:
+        chosen = f" --context {part.kube.context}" if len(contexts) > 1 else ""
+        say(f"Watch:    vast exec cluster monitor{chosen}")
+        say(f"Stop:     vast exec cluster stop -i {part.campaign.name}{chosen}")
+    say(f"Results:  {_download_command(contexts, name)}")
+
+
+def _download_command(contexts: Sequence[str], name: str) -> str:
+    among = "".join(f" --context {context}" for context in contexts) if len(contexts) > 1 else ""
+    return f"vast results download -i {name}{among}"
+
+
+def _states(parts: Sequence[Part]) -> Iterator[list[CampaignState]]:
+    """The campaigns again and again until all are finished; an API server may be gone a while."""
+    states = [part.campaign for part in parts]
+    yield states
+    while not all(state.finished for state in states):
         time.sleep(INTERVAL)
-        with contextlib.suppress(UnreachableError):
-            found = kube.campaign(campaign.name)
-            if found is None:
-                raise CannotRunError(f"the campaign {campaign.name} was deleted meanwhile.")
-            campaign = CampaignState(found)
-            yield campaign
+        states = [_next_state(part.kube, s) for part, s in zip(parts, states, strict=True)]
+        yield states
+
+
+def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState:
+    """The campaign as it is now; as it was when the API server cannot be reached."""
+    if state.finished:
+        return state
+    try:
+        found = kube.campaign(state.name)
+    except UnreachableError:
+        return state
+    if found is None:
+        raise CannotRunError(f"the campaign {state.name} was deleted meanwhile.")
+    return CampaignState(found)
 
 
 def _upload(kube: Kubernetes, submission: Submission) -> None:

@@ -1,0 +1,39 @@
+"""Merging campaigns in front of a user."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from robovast.campaign.merge import merge_campaigns
+from robovast_cli.ui.output import say
+from robovast_cli.ui.working import working
+from robovast_cli.workspace import shown
+
+
+def merge(sources: Sequence[Path], target: Path, noun: str) -> None:
+    """Merge campaigns into a new folder; say what was merged, and what was not.
+
+    Args:
+        sources: their folders, which stay.
+        target: the new folder.
+        noun: what they are called.
+
+    Raises:
+        InputError: they cannot be merged.
+        StorageError: the target exists already, or cannot be written.
+    """
+    with working(f"Merging {_counted(len(sources), noun)}"):
+        result = merge_campaigns(sources, target)
+    for path in result.unidentified:
+        say(f"{path}: has no config_identifier, so it was merged with nothing.")
+    for path in result.left_out:
+        say(f"{path}: left out, because it has no `run.json` of a run that went to its end.")
+    say(
+        f"Merged {_counted(len(sources), noun)} into {shown(target)}: "
+        f"{_counted(result.configurations, 'configuration')}, {_counted(result.runs, 'run')}."
+    )
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"1 {noun}" if number == 1 else f"{number} {noun}s"
