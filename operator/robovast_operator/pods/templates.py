@@ -11,7 +11,7 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from robovast.agent.scripts import AWAIT, FOLDER, START
+from robovast.agent.scripts import AWAIT, FOLDER, SHELL, START
 from robovast.agent.silence import SILENT
 from robovast.base.docstrings import WITHOUT
 from robovast.common.execution import COMPAT_VERSION
@@ -247,7 +247,7 @@ def _run_container(
     return {
         "name": name,
         "image": accepted.image,
-        "command": ["bash", "-c", _AWAIT_SCRIPT, f"{CONFIG}/{_START}", *arguments],
+        "command": [*SHELL, "-c", _AWAIT_SCRIPT, f"{CONFIG}/{_START}", *arguments],
         "resources": container_resources(accepted, resources) | _devices(accepted),
         "securityContext": confined(settings.restricted_runs),
         "volumeMounts": [

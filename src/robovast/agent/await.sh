@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # In a container of a run's pod: waits until the agent has put $0, start.sh, in place, and becomes it
-# with the same arguments. The pod has this text itself, as `bash -c`: its volume is still empty. It
+# with the same arguments. The pod has this text itself, as `bash -p -c`: its volume is still empty. It
 # must have no two dollars in a row, which Kubernetes would make one.
 #
 # It ends with 0 instead when it is told to end, when the agent orders `end` in the file order beside
@@ -8,7 +8,7 @@
 # argument, then leaves the answer `terminated`: an agent that comes later leaves the runs to another
 # pod.
 
-set +eu # as an image may have it by BASH_ENV or SHELLOPTS
+image=$(export -p) # what the run is to find, whatever we call our variables
 
 here=${0%/*}
 answers=${here%/*/*}/out/.job
@@ -54,4 +54,5 @@ until [[ -e $0 ]]; do
     if [[ $word == end ]] || ! agent_lives; then leave; fi
     pause 0.05
 done 2>/dev/null
-exec bash "$0" "$@"
+eval "$image" 2>/dev/null
+exec bash -p "$0" "$@"

@@ -12,3 +12,6 @@ START = Path(__file__).with_name("start.sh")
 
 AWAIT = Path(__file__).with_name("await.sh")
 """Waits until the agent has prepared the run; the operator puts its text into the pod."""
+
+SHELL = ("bash", "-p")
+"""Of both, without the image's functions, options and BASH_ENV, which are for the run."""

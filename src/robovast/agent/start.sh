@@ -17,7 +17,7 @@
 #
 # Exit code: 0. How a job ended is the agent's to tell.
 
-set +eu # as an image may have it by BASH_ENV or SHELLOPTS
+image=$(export -p) # what a run is to find, whatever we call our variables
 
 name=$1
 here=${BASH_SOURCE[0]%/*} # the folder of orders, among the inputs
@@ -88,13 +88,15 @@ answer() { # WHAT
 
 enter_job() {
     exec 7>&- 8>&-
+    set -- "$here" "$name" # image and job may have variables of these names
+    eval "$image" 2>/dev/null
     # shellcheck source=/dev/null
-    source "$here/environment.sh"
+    source "$1/environment.sh"
     cd "$ROBOVAST_OUT_DIR" || exit
     unset CONTAINER_NAME # by it a pre command tells where it is
-    [[ $name ]] || exec bash "${here%/*}/entrypoint.sh"
-    export CONTAINER_NAME=$name ROS_LOG_DIR=$OUTPUT_DIR/logs/$name
-    exec bash "${here%/*}/secondary_entrypoint.sh"
+    [[ $2 ]] || exec bash "${1%/*}/entrypoint.sh"
+    export CONTAINER_NAME=$2 ROS_LOG_DIR=$OUTPUT_DIR/logs/$2
+    exec bash "${1%/*}/secondary_entrypoint.sh"
 }
 
 # Ends the job when that is ordered, or when nobody is there to store it: as if somebody had told the

@@ -19,7 +19,7 @@ from uuid import uuid4
 
 from robovast_testbed.s3 import Server
 
-from robovast.agent.scripts import AWAIT
+from robovast.agent.scripts import AWAIT, SHELL
 from robovast.execution.local.process_environment import process_environment
 from robovast.model.document import load_document
 from robovast.model.expansion import compose, select_any
@@ -205,7 +205,7 @@ class Pod:
         text = AWAIT.read_text().replace("silence=120", f"silence={silence}")
         return self._spawn(
             f"start{secondary}.log",
-            ["bash", "-c", text, str(self.script), *filter(None, [secondary])],
+            [*SHELL, "-c", text, str(self.script), *filter(None, [secondary])],
             {"PATH": f"{environment}/bin:{os.environ['PATH']}", "ENABLE_X11": "false"},
         )
 

@@ -15,7 +15,7 @@ from support.patience import eventually
 from robovast.agent.__main__ import main
 from robovast.agent.container_control import RunContainer
 from robovast.agent.mounts import Folders
-from robovast.agent.scripts import AWAIT, START
+from robovast.agent.scripts import AWAIT, SHELL, START
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 
 TELL = 'echo "$0 $*"\n'
@@ -37,7 +37,7 @@ class Waiting:
         for name, usual, seconds in (("silence", 120, silence), ("patience", 600, patience)):
             assert f"{name}={usual} " in text
             text = text.replace(f"{name}={usual} ", f"{name}={seconds} ")
-        command = ["bash", "-c", text, str(folders.orders / "start.sh"), *names]
+        command = [*SHELL, "-c", text, str(folders.orders / "start.sh"), *names]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
     def end(self) -> str:

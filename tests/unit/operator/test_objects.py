@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
-from robovast.agent.scripts import AWAIT
+from robovast.agent.scripts import AWAIT, SHELL
 from robovast.base.docstrings import WITHOUT
 from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
@@ -126,7 +126,7 @@ def test_containers_of_a_run_wait_until_its_agent_has_prepared_it() -> None:
     made = accept(obj, FILES, SETTINGS)
     assert isinstance(made, Accepted)
     found = containers(job_of(made))
-    waiting = ["bash", "-c", AWAIT.read_text(), f"/config{START}"]
+    waiting = [*SHELL, "-c", AWAIT.read_text(), f"/config{START}"]
     assert found["robovast"]["command"] == waiting
     assert found["sim"]["command"] == [*waiting, "sim"]
     agent = found["agent"]
