@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.plugins import raised
+from robovast.base.time_limit import time_limit
 from robovast.campaign.layout import Layout
 from robovast.model.document.search.section import Search
 from robovast.search.extractor import Extractor, ExtractResult, completed_run_dirs
@@ -17,6 +18,8 @@ from robovast.search.history import Scored
 from robovast.search.plugins import trace
 
 NO_VERDICT = "no run came to a verdict"
+LONGEST = 3600.0
+"""How long an extractor may take for a set [s], as a postprocessing command for a run."""
 
 
 def samples(layout: Layout, config: str) -> int:
@@ -30,6 +33,7 @@ def score(
     layout: Layout,
     configs: Mapping[str, str],
     measures: Iterable[str],
+    longest: float = LONGEST,
 ) -> tuple[Scored, ...]:
     """The scores of sets; errors of the extractor are the set's.
 
@@ -39,8 +43,9 @@ def score(
         layout: the campaign.
         configs: the configuration of each set, by identifier.
         measures: the measures that the strategy needs.
+        longest: how long the extractor may take for a set [s].
     """
-    wanted = _Wanted([objective.name for objective in search.objectives], sorted(measures))
+    wanted = _Wanted([o.name for o in search.objectives], sorted(measures), longest)
     return tuple(
         _score(wanted, extractor, layout.variant(config), id_, samples(layout, config))
         for id_, config in configs.items()
@@ -49,17 +54,20 @@ def score(
 
 @dataclass(frozen=True)
 class _Wanted:
-    """Numbers that an extractor must give."""
+    """What an extractor must give, and when."""
 
     objectives: list[str]
     measures: list[str]
+    longest: float
+    """How long it may take [s]."""
 
 
 def _score(wanted: _Wanted, extractor: Extractor, folder: Path, id_: str, count: int) -> Scored:
     if not count:
         return Scored(id_, error=NO_VERDICT)
     try:
-        result = extractor.extract(folder)
+        with time_limit(wanted.longest):
+            result = extractor.extract(folder)
         objectives, measures = _numbers(wanted, result)
     except KeyboardInterrupt:
         raise

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -125,6 +128,13 @@ def test_more_runs_than_a_campaign_can_have_are_refused_before_they_are_stored(
         made._blocks([*sets[:1], ParamSet(sets[1].values, n_reps=RUNS_LIMIT // 2 + 1)], names)
 
 
+def passed_runs(folder: Path, number: int) -> None:
+    """Make runs of a configuration that have passed."""
+    for run in range(number):
+        (folder / str(run)).mkdir(parents=True)
+        (folder / str(run) / "test.xml").write_text('<testsuite tests="1"><testcase/></testsuite>')
+
+
 class SpeechlessError(Exception):
     """An exception that cannot say what it is."""
 
@@ -152,11 +162,7 @@ class Fails(Extractor):
 def test_whatever_an_extractor_raises_can_be_stored_and_read_again(
     document: Document, tmp_path: Path, error: Exception, told: str
 ) -> None:
-    for run in ("0", "1"):
-        (tmp_path / "c" / run).mkdir(parents=True)
-        (tmp_path / "c" / run / "test.xml").write_text(
-            '<testsuite tests="1"><testcase/></testsuite>'
-        )
+    passed_runs(tmp_path / "c", 2)
     params = ParamSet({"x": 1, "y": 1.0})
     extractor = Fails()
     extractor.error = error
@@ -167,6 +173,30 @@ def test_whatever_an_extractor_raises_can_be_stored_and_read_again(
     history.finish(batch, Outcome(scores, 1.0, 2.0))
     assert History(Layout(tmp_path)).batches == history.batches
     scores[0].error.encode()
+
+
+class Hangs(Extractor):
+    """An extractor that waits for ever, or for a program that does, in one of two sets."""
+
+    def extract(self, config_dir: Path) -> ExtractResult:
+        if config_dir.name == "hangs":
+            try:
+                subprocess.run(["sleep", "1000"], check=False)
+            except Exception:  # as careful code may have it
+                Event().wait()
+        return ExtractResult({"failure_rate": 0.0}, {})
+
+
+def test_an_extractor_that_hangs_leaves_its_set_out_and_says_where(
+    document: Document, tmp_path: Path
+) -> None:
+    configs = {"first": "hangs", "second": "returns"}
+    for config in configs.values():
+        passed_runs(tmp_path / config, 1)
+    hanging, other = score(search_of(document), Hangs(), Layout(tmp_path), configs, (), longest=1.0)
+    said = r"TimeoutError: it did not end within 1 s and was stopped \(.*test_proposals\.py:\d+\)"
+    assert re.fullmatch(said, hanging.error)
+    assert (other.error, other.objectives) == ("", {"failure_rate": 0.0})
 
 
 def test_what_a_plugin_raises_is_told_with_its_place_however_it_is_nested() -> None:
