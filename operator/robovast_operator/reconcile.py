@@ -141,6 +141,8 @@ class Reconciler:
         if "deletionTimestamp" in obj["metadata"]:
             await self._deleted(obj, memory, jobs)
             return
+        if (obj.get("status") or {}).get("bucket"):  # `kubectl replace` leaves no finalizer
+            await self._purge.protect(obj)
         deliveries = self._store.deliveries_of(key, identity.uid)
         await self._deliveries.report(identity, deliveries, memory.delivered)
         if not is_settled(obj, jobs, self._store.configurations_of(key)):

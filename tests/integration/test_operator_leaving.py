@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from robovast_testbed.kubernetes import Cluster
+from support.kube.definitions import VERSIONS, as_version
 from support.kube.operator_process import (
     NewOperator,
     OperatorProcess,
@@ -130,6 +131,23 @@ def test_a_bucket_goes_when_its_campaign_is_not_accepted_any_more(
         return status(place.cluster, place.namespace, "few")["state"] == "Rejected"
 
     eventually(rejected, 30, operator.told)
+    with place.no_pods():
+        place.delete("campaign/few")
+        eventually(lambda: place.purges(bucket), told=operator.told)
+    eventually(lambda: place.gone("few"), told=operator.told)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_bucket_goes_with_a_campaign_that_was_replaced_when_it_had_ended(
+    place: Place, operator: OperatorProcess, version: str
+) -> None:
+    """`kubectl replace`, as Argo CD can be told to do, drops what the manifest does not name."""
+    made = as_version(campaign("few", place.namespace, 3, 2, **DELETE), version)
+    place.cluster.apply(made)
+    eventually(lambda: finished(place.cluster, place.namespace, "few"), told=operator.told)
+    bucket = status(place.cluster, place.namespace, "few")["bucket"]
+    place.cluster.kubectl("replace", "--filename=-", stdin=json.dumps(made))
+    eventually(lambda: place.get("campaign", "few")["metadata"].get("finalizers"), 30)
     with place.no_pods():
         place.delete("campaign/few")
         eventually(lambda: place.purges(bucket), told=operator.told)
