@@ -6,6 +6,7 @@ import contextlib
 import csv
 import fcntl
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -563,6 +564,23 @@ def test_a_secondary_whose_pre_command_fails_ends(job: Job) -> None:
     assert secondary.returncode == 70
     assert "failed with code 3" in job.log("system_nav.log")
     eventually(lambda: processes_of(job) == [])
+
+
+def test_pre_command_and_run_find_what_image_and_document_say(job: Job) -> None:
+    """Whatever the entrypoint calls its own variables and functions."""
+    text = "".join(script.read_text() for script in contract_files() if script.suffix == ".sh")
+    given = dict.fromkeys(set(re.findall(r"\b[a-z]\w*\b", text)), "the image's")
+    job.env |= given
+    job.write("pre.sh", 'env -0 >"$ROBOVAST_OUT_DIR/pre${CONTAINER_NAME}_command"\n')
+    job.single(job.program('env -0 >"$ROBOVAST_OUT_DIR/run"'))
+    with job.start("secondary_entrypoint.sh", CONTAINER_NAME="nav", PRE_COMMAND="/config/pre.sh"):
+        eventually(lambda: (job.out / "prenav_command").exists())
+        assert job.run(PRE_COMMAND="/config/pre.sh")[0] == 0
+    for name in ("prenav_command", "pre_command", "run"):
+        found = dict(
+            line.split("=", 1) for line in (job.out / name).read_text().split("\0") if line
+        )
+        assert {key for key, value in given.items() if found.get(key) != value} == set(), name
 
 
 def test_a_pre_command_may_use_any_name_and_trap(job: Job) -> None:

@@ -9,11 +9,14 @@
 #   69  the image lacks something, which the message names
 #   70  the pre command failed, or the post command cannot be run
 #   73  an output folder is not writable, or belongs to a job that still runs
+#
+# Pre command and run find the variables of image and document: those of ours that would hide one
+# begin with _.
 
-contract=${BASH_SOURCE[0]%/*}
-config=${ROBOVAST_CONFIG_DIR:-/config}
-out=${ROBOVAST_OUT_DIR:-/out}
-logs=${OUTPUT_DIR:?}/logs
+_contract=${BASH_SOURCE[0]%/*}
+_config=${ROBOVAST_CONFIG_DIR:-/config}
+_out=${ROBOVAST_OUT_DIR:-/out}
+_logs=${OUTPUT_DIR:?}/logs
 
 say() { printf '[robovast] %s\n' "$*"; }
 
@@ -24,12 +27,12 @@ fail() { # CODE MESSAGE...
 
 # tee ignores the signals that end the job, to hear its last words.
 log_to() { # FILE
-    check_output "$logs"
+    check_output "$_logs"
     exec 3>&1
-    coproc log { trap '' INT TERM; exec tee -a "$1" 4>&1 >&3 3>&-; }
-    log_pid=$! log_ended=${log[0]}
-    exec >&"${log[1]}" 2>&1 3>&-
-    eval "exec ${log[1]}>&-"
+    coproc _log { trap '' INT TERM; exec tee -a "$1" 4>&1 >&3 3>&-; }
+    _log_pid=$! _log_ended=${_log[0]}
+    exec >&"${_log[1]}" 2>&1 3>&-
+    eval "exec ${_log[1]}>&-"
     trap close_log EXIT
 }
 
@@ -37,7 +40,7 @@ log_to() { # FILE
 # is, when the pipe is empty and tee sleeps, however long a busy machine takes until then.
 close_log() {
     exec >&- 2>&-
-    read -rt 1 -u "$log_ended"
+    read -rt 1 -u "$_log_ended"
     (($? <= 128)) && return
     python3 -I -S -c '
 import array, fcntl, os, sys, termios, time
@@ -48,8 +51,8 @@ def sleeps():
         return stat.read().rpartition(")")[2].split()[0] == "S"
 while (left[0] or not sleeps()) and time.monotonic() < until:
     time.sleep(0.05)
-    fcntl.ioctl(pipe, termios.FIONREAD, left)' "$log_pid"
-    kill -KILL "$log_pid"
+    fcntl.ioctl(pipe, termios.FIONREAD, left)' "$_log_pid"
+    kill -KILL "$_log_pid"
 }
 
 check_tools() {
@@ -72,7 +75,7 @@ check_output() { # FOLDER...
 
 # Descriptor 9 is closed for every child: a daemon that survives the job must not hold the lock.
 hold_lock() {
-    exec 9>>"$out/.running" || fail 73 "cannot write $out/.running"
+    exec 9>>"$_out/.running" || fail 73 "cannot write $_out/.running"
     flock -n 9 2>/dev/null || python3 -I -S -c '
 import fcntl, time
 for _ in range(50):
@@ -80,7 +83,7 @@ for _ in range(50):
         raise SystemExit(fcntl.flock(9, fcntl.LOCK_EX | fcntl.LOCK_NB))
     except OSError:
         time.sleep(0.1)
-raise SystemExit(1)' || fail 73 "another job runs in $out (it holds the lock $out/.running)"
+raise SystemExit(1)' || fail 73 "another job runs in $_out (it holds the lock $_out/.running)"
 }
 
 match_user_to_uid() {
@@ -98,60 +101,60 @@ source_ros() {
 # Where a pre or post command is: its path is written as seen in a container, under /config.
 command_path() { # PATH
     case $1 in
-    /config/*) echo "$config/${1#/config/}" ;;
+    /config/*) echo "$_config/${1#/config/}" ;;
     /*) echo "$1" ;;
-    *) echo "$config/$1" ;;
+    *) echo "$_config/$1" ;;
     esac
 }
 
-# Sets executor and with_ros; it is the program that `ros2 run scenario_execution_ros scenario_execution_ros`
+# Sets _executor and _with_ros; it is the program that `ros2 run scenario_execution_ros scenario_execution_ros`
 # would start, without the second that the ros2 command takes to find it, and to forward signals.
 find_executor() {
     local prefix IFS=:
     for prefix in $AMENT_PREFIX_PATH; do
-        executor=$prefix/lib/scenario_execution_ros/scenario_execution_ros
-        [[ -x $executor ]] && with_ros=1 && return
+        _executor=$prefix/lib/scenario_execution_ros/scenario_execution_ros
+        [[ -x $_executor ]] && _with_ros=1 && return
     done
-    executor=$(type -P scenario_execution) || fail 69 "the image has no scenario-execution:" \
+    _executor=$(type -P scenario_execution) || fail 69 "the image has no scenario-execution:" \
         "neither the ROS package scenario_execution_ros in /opt/ros/\$ROS_DISTRO or /ws/install," \
         "nor the command scenario_execution on PATH $PATH"
 }
 
-# Sets command.
+# Sets _command.
 scenario_command() {
     local post extra
-    command=("$executor" -o "$SCENARIO_OUTPUT_DIR" "$config/${SCENARIO_FILE:?}")
+    _command=("$_executor" -o "$SCENARIO_OUTPUT_DIR" "$_config/${SCENARIO_FILE:?}")
     if [[ $POST_COMMAND ]]; then
         post=$(command_path "$POST_COMMAND")
         [[ -f $post && -x $post ]] || fail 70 "the post command $post is not an executable file"
-        command+=(--post-run "$post")
+        _command+=(--post-run "$post")
     fi
     [[ $SCENARIO_PARAMETER_FILE ]] &&
-        command+=(--scenario-parameter-file "$config/$SCENARIO_PARAMETER_FILE")
-    [[ $SIMULATION ]] && command+=(--simulation "$SIMULATION")
+        _command+=(--scenario-parameter-file "$_config/$SCENARIO_PARAMETER_FILE")
+    [[ $SIMULATION ]] && _command+=(--simulation "$SIMULATION")
     if [[ $OUTPUT_RESULT_PER_SCENARIO == true ]]; then
-        command+=(--output-result-per-scenario)
+        _command+=(--output-result-per-scenario)
         use_driver
     fi
     read -ra extra <<<"$SCENARIO_EXECUTION_PARAMETERS"
-    command=(stdbuf -oL -eL "${command[@]}" "${extra[@]}")
+    _command=(stdbuf -oL -eL "${_command[@]}" "${extra[@]}")
 }
 
 # scenario-execution writes verdicts only when the last scenario has ended; the driver writes each
 # at once. It runs inside the interpreter of the executor, which its first lines name.
 use_driver() {
     local first second interpreter
-    { read -r first && read -r second; } <"$executor"
+    { read -r first && read -r second; } <"$_executor"
     if [[ $first == '#!'*python* ]]; then
         read -ra interpreter <<<"${first#??}"
     elif [[ $second == "'''exec'"* ]]; then # how installers write a path that is long or has spaces
-        interpreter=("${executor%/*}/python3")
+        interpreter=("${_executor%/*}/python3")
     else
-        say "warning: $executor is no Python program; verdicts appear when the whole pack has ended," \
+        say "warning: $_executor is no Python program; verdicts appear when the whole pack has ended," \
             "and of several runs none gets its ROBOVAST_SEED"
         return
     fi
-    command=("${interpreter[@]}" "$contract/run_scenarios.py" "${command[@]}")
+    _command=("${interpreter[@]}" "$_contract/run_scenarios.py" "${_command[@]}")
 }
 
 wants_x11() { [[ ! ${ENABLE_X11,,} =~ ^(false|no|off|0)$ ]]; }
@@ -161,8 +164,8 @@ start_x() {
     local number=${DISPLAY##*:} ready
     wants_x11 && ! [[ $DISPLAY == [!:]* || -S /tmp/.X11-unix/X${number%%.*} ]] || return 0
     # shellcheck disable=SC2086  # no DISPLAY means no argument: Xvfb then takes a free number
-    exec {ready}< <(exec Xvfb $DISPLAY -displayfd 1 -screen 0 1920x1080x24 -nolisten tcp 2>"$logs/xvfb.log")
-    read -rt 30 number <&"$ready" || fail 69 "Xvfb did not start, see $logs/xvfb.log"
+    exec {ready}< <(exec Xvfb $DISPLAY -displayfd 1 -screen 0 1920x1080x24 -nolisten tcp 2>"$_logs/xvfb.log")
+    read -rt 30 number <&"$ready" || fail 69 "Xvfb did not start, see $_logs/xvfb.log"
     export DISPLAY=:$number
     exec {ready}<&-
 }
@@ -170,47 +173,47 @@ start_x() {
 # Without a namespace, only the descendants of this script belong to the job.
 start_monitor() { # NAME [OPTION...]
     local root=()
-    [[ $config == /config ]] || root=(--root-pid $$)
-    python3 -I -S "$contract/monitor_resources.py" "$OUTPUT_DIR/resource_usage_$1.csv" "${root[@]}" "${@:2}" &
-    monitor_pid=$!
+    [[ $_config == /config ]] || root=(--root-pid $$)
+    python3 -I -S "$_contract/monitor_resources.py" "$OUTPUT_DIR/resource_usage_$1.csv" "${root[@]}" "${@:2}" &
+    _monitor_pid=$!
 }
 
 # A job can be over before Python has started; and a run can have taken the file away.
 await_sysinfo() {
     local tries=0
-    until [[ -e $sysinfo_file ]] || ((++tries > 500)) || ! kill -0 "$monitor_pid"; do sleep 0.01; done
+    until [[ -e $_sysinfo_file ]] || ((++tries > 500)) || ! kill -0 "$_monitor_pid"; do sleep 0.01; done
 } 2>/dev/null
 
 source_pre_command() {
     [[ $PRE_COMMAND ]] || return 0
-    local pre code
-    pre=$(command_path "$PRE_COMMAND")
-    [[ -f $pre ]] || fail 70 "the pre command $pre does not exist"
-    in_pre_command=1 # tells an `exit` of its own from ours
+    local _pre code
+    _pre=$(command_path "$PRE_COMMAND")
+    [[ -f $_pre ]] || fail 70 "the pre command $_pre does not exist"
+    _in_pre_command=1 # tells an `exit` of its own from ours
     # shellcheck disable=SC1090
-    source "$pre"
+    source "$_pre"
     code=$?
-    in_pre_command=
+    _in_pre_command=
     set +eu
-    ((code == 0)) || fail 70 "the pre command $pre failed with code $code"
+    ((code == 0)) || fail 70 "the pre command $_pre failed with code $code"
 }
 
 # An asynchronous command ignores SIGINT, the one signal on which every ros2 bag closes its file.
 record_rosout() {
-    [[ $with_ros ]] || return 0
+    [[ $_with_ros ]] || return 0
     env --default-signal=INT ros2 bag record -s mcap -o "$OUTPUT_DIR/logs/rosout_bag" /rosout \
         >"$OUTPUT_DIR/logs/rosout_bag.log" 2>&1 &
-    recorder_pid=$!
+    _recorder_pid=$!
 }
 
 # Runs a command, hands it the request to stop, and returns its code.
 supervise() { # COMMAND...
-    local child='' code signalled=''
-    trap 'signalled=1; kill -TERM $child' TERM INT
+    local _child='' code _signalled=''
+    trap '_signalled=1; kill -TERM $_child' TERM INT
     "$@" 9>&- &
-    child=$!
-    [[ $signalled ]] && kill -TERM "$child"
-    while wait "$child"; code=$?; [[ $signalled ]]; do signalled=''; done
+    _child=$!
+    [[ $_signalled ]] && kill -TERM "$_child"
+    while wait "$_child"; code=$?; [[ $_signalled ]]; do _signalled=''; done
     return "$code"
 }
 
@@ -228,31 +231,31 @@ stop_descendants() { # PID
 # its number, and all others are looked for once more.
 stop_all() { # PID
     stop_descendants "$1"
-    kill "$monitor_pid" 2>/dev/null
-    wait "$monitor_pid"
+    kill "$_monitor_pid" 2>/dev/null
+    wait "$_monitor_pid"
     stop_descendants "$1"
 }
 
 end_job() { # CODE
     local code=$1
     set +eu # a pre command that ended the shell may have left them on
-    if [[ $recorder_pid ]]; then
-        kill -INT "$recorder_pid"
-        { sleep 10; kill -KILL "$recorder_pid"; } &
-        wait "$recorder_pid"
+    if [[ $_recorder_pid ]]; then
+        kill -INT "$_recorder_pid"
+        { sleep 10; kill -KILL "$_recorder_pid"; } &
+        wait "$_recorder_pid"
     fi
     await_sysinfo
     stop_all "$BASHPID"
-    [[ ! $in_pre_command ]] || ((code > 128)) || fail 70 "the pre command left the shell with $code"
+    [[ ! $_in_pre_command ]] || ((code > 128)) || fail 70 "the pre command left the shell with $code"
     exit "$code"
 }
 
 # The pre command shares this shell, and may take whatever name it likes for its variables: what
 # follows it is in the arguments, in the environment, or has a name that it will not take.
 job() { # COMMAND...
-    sysinfo_file=$OUTPUT_DIR/sysinfo.yaml monitor_pid='' recorder_pid='' in_pre_command=''
+    _sysinfo_file=$OUTPUT_DIR/sysinfo.yaml _monitor_pid='' _recorder_pid='' _in_pre_command=''
     trap 'end_job $?' EXIT
-    start_monitor main --sysinfo "$sysinfo_file"
+    start_monitor main --sysinfo "$_sysinfo_file"
     start_x
     source_pre_command
     trap 'end_job $?' EXIT
@@ -261,17 +264,17 @@ job() { # COMMAND...
 }
 
 main() {
-    log_to "$logs/system.log"
+    log_to "$_logs/system.log"
     check_tools
-    check_output "$out" "${SCENARIO_OUTPUT_DIR:?}"
+    check_output "$_out" "${SCENARIO_OUTPUT_DIR:?}"
     hold_lock
     match_user_to_uid
     source_ros
     find_executor
     scenario_command
     export PYTHONUNBUFFERED=1 # what a program said before it was killed is in the log
-    say "job $OUTPUT_DIR: ${command[*]@Q}"
-    supervise job "${command[@]}"
+    say "job $OUTPUT_DIR: ${_command[*]@Q}"
+    supervise job "${_command[@]}"
     local code=$?
     say "ended with code $code"
     exit "$code"

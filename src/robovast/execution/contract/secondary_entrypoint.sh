@@ -25,7 +25,7 @@ while True:
         pass
     time.sleep(0.5)
 os.kill(int(sys.argv[2]), signal.SIGTERM)
-' "$out/.running" $$
+' "$_out/.running" $$
 }
 
 end_secondary() {
@@ -34,7 +34,7 @@ end_secondary() {
 }
 
 main_secondary() {
-    log_to "$logs/system_$CONTAINER_NAME.log"
+    log_to "$_logs/system_$CONTAINER_NAME.log"
     match_user_to_uid
     source_ros
     start_monitor "$CONTAINER_NAME"
