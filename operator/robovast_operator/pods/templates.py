@@ -147,7 +147,9 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
         scheduling = scheduling.model_copy(update={"image_pull_secrets": []})
     spec = confined_pod(OWN_USER, GRACE_SECONDS, scheduling)
     container = _own(settings, "notify", ["notify"], [Mount.RECEIVERS])
-    container["env"].append({"name": NOTICE_VARIABLE, "value": order.model_dump_json()})
+    # Kubernetes makes one dollar of two, and replaces `$(NAME)` where there is such a variable.
+    told = order.model_dump_json().replace("$", "$$")
+    container["env"].append({"name": NOTICE_VARIABLE, "value": told})
     spec["containers"] = [container]
     sources = _receiver_sources(order, allowed)
     projected = {"sources": sources, "defaultMode": SECRET_MODE}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -12,8 +13,10 @@ from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted, campaign
 
 from robovast.agent.scripts import AWAIT, SHELL
 from robovast.base.docstrings import WITHOUT
+from robovast.kubeapi.notice import Named, Notice, Order
 from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
+from robovast.kubeapi.resources import Notification, Scheduling
 from robovast.kubeapi.source_files import inline_files
 from robovast.model.packs import CampaignPlan, Owner
 from robovast_operator.kube.store import JobState
@@ -29,7 +32,7 @@ from robovast_operator.pods.jobs import (
     shard_job,
     task_job,
 )
-from robovast_operator.pods.templates import inline_items, run_pod
+from robovast_operator.pods.templates import inline_items, notify_pod, run_pod
 from robovast_operator.settings import Settings
 
 START = "/.robovast/start.sh"
@@ -514,3 +517,29 @@ def test_a_campaign_whose_files_are_others_than_planned_is_told_so() -> None:
         told = source_changed(planned, replace(made, inputs=now))
         assert told is not None
         assert (told.reason, "`a.osc`" in told.message) == ("SourceChanged", True)
+
+
+def test_a_notice_and_its_address_arrive_with_every_dollar() -> None:
+    about = Named(namespace="lab", name="drive", uid="1")
+    notice = Notice(
+        id="1",
+        event="Stalled",
+        time="2026-11-21T07:00:00Z",
+        campaign=about,
+        message="write `$$x` for a text `$x`; $(HOME) is no value",
+    )
+    url = "https://hooks.example/a?key=p$$q$(HOME)"
+    receiver = Notification.model_validate({"kind": "webhook", "url": url})
+    order = Order(notice=notice, receivers=[receiver])
+    (container,) = notify_pod(SETTINGS, Scheduling(), order)["containers"]
+    seen: dict[str, str] = {}
+    for variable in container["env"]:
+        if "value" in variable:
+            seen[variable["name"]] = expanded(variable["value"], seen)
+    assert Order.model_validate_json(seen["ROBOVAST_NOTICE"]) == order
+
+
+def expanded(text: str, known: dict[str, str]) -> str:
+    """What the kubelet makes of a variable's value."""
+    parts = re.compile(r"\$\$|\$\(([^)]*)\)")
+    return parts.sub(lambda part: "$" if part[0] == "$$" else known.get(part[1], part[0]), text)
