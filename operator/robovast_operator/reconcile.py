@@ -364,9 +364,8 @@ class Reconciler:
         identity = accepted.identity
         alike = [
             found
-            for (namespace, name), found in self._store.campaigns.items()
-            if namespace == identity.namespace
-            and name != identity.name
+            for key, found in self._store.campaigns.items()
+            if key != identity.key  # of any namespace: several may have one share
             and (found.get("status") or {}).get("campaign") == accepted.campaign
         ]
         return distinct_name(accepted.campaign, identity.uid) if alike else accepted.campaign

@@ -261,3 +261,46 @@ def test_an_upload_of_earlier_results_is_ended_before_newer_ones_are_uploaded(
 
     late = early.replace("share-1-0", "share-1-1")
     eventually(lambda: uploads() == [late], 30, lambda: (uploads(), operator.told()))
+
+
+def test_campaigns_of_one_name_and_second_in_two_namespaces_replace_no_archive_of_the_other(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """As one manifest that is applied to both; they may have one share."""
+    other = f"{namespace}-b"
+    fake_cluster.kubectl("create", "namespace", other)
+    places = (namespace, other)
+    share = {"secretName": "robovast-share"}
+    made = [campaign("few", place, 3, 2, suspend=True, share=share) for place in places]
+
+    def created_at_once() -> bool:
+        fake_cluster.apply(*made)
+        found = [fake_cluster.get("campaign", "few", f"--namespace={place}") for place in places]
+        same = len({item["metadata"]["creationTimestamp"] for item in found}) == 1
+        for place in () if same else places:
+            fake_cluster.kubectl("delete", "campaign/few", f"--namespace={place}")
+        return same
+
+    def archives() -> list[str]:
+        selector = "--selector=robovast.io/role=share"
+        jobs = [
+            job
+            for p in places
+            for job in fake_cluster.get("jobs", f"--namespace={p}", selector)["items"]
+        ]
+        commands = [job["spec"]["template"]["spec"]["containers"][0]["command"] for job in jobs]
+        return [word for words in commands for word in words if word.startswith("--campaign=")]
+
+    try:
+        eventually(created_at_once)
+        operator = new_operator(ROBOVAST_NAMESPACES=",".join(places))
+        operator.start()
+        for place in places:
+            eventually(lambda place=place: status(fake_cluster, place, "few").get("campaign"))
+        for place in places:
+            go = ("patch", "campaign/few", "--type=merge", '--patch={"spec":{"suspend":false}}')
+            fake_cluster.kubectl(*go, f"--namespace={place}")
+        told = eventually(lambda: (a := archives()) and len(a) == 2 and a, told=operator.told)
+        assert len(set(told)) == 2
+    finally:
+        fake_cluster.kubectl("delete", "namespace", other, "--wait=false")
