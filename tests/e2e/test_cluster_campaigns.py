@@ -363,6 +363,18 @@ def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
     )
 
 
+def test_files_whose_mode_a_campaign_cannot_hold_travel_as_an_archive(lab: Lab) -> None:
+    """A file that can be executed and does not begin with `#!`; the image's Python may be old."""
+    script = 'test -x "$0" && test "$(cat /config/files/note)" = hello\n'
+    path = make_campaign(lab.folder / "modes", script, document=QUICK)
+    (path.parent / "files/step.sh").chmod(0o755)
+    (path.parent / "files/note").write_text("hello")
+    lab.vast("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "-i", images.SLIM)
+    (campaign,) = lab.get("campaigns")["items"]
+    assert "bundle" in campaign["spec"]["source"]
+    assert campaign["status"]["runs"]["passed"] == 3
+
+
 @pytest.mark.parametrize("retention", ["Retain", "Delete"])
 def test_a_deleted_campaign_leaves_nothing_behind_but_what_it_was_told_to(
     lab: Lab, retention: str

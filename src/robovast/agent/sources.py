@@ -7,16 +7,14 @@ import os
 import shlex
 import shutil
 import subprocess
-import tarfile
-import zlib
 from collections.abc import Iterator
-from gzip import BadGzipFile
-from io import BytesIO
+from math import inf
 from pathlib import Path
 from urllib.parse import urlsplit
 
 from robovast.agent.mounts import Folders
 from robovast.base.errors import InputError, StorageError
+from robovast.campaign.archive import unpack as unpack_archive
 from robovast.kubeapi.pod_contract.packed import PACKED, unpack
 from robovast.model.packs import Bundle, CampaignPlan, GitSource
 from robovast.storage.s3 import EXECUTABLE, ObjectStore
@@ -30,7 +28,7 @@ def copy_inputs(plan: CampaignPlan, folders: Folders, store: ObjectStore, target
         StorageError: they cannot be fetched.
     """
     if plan.bundle is not None:
-        _unpack(plan.bundle, store, target)
+        _unpack(plan.bundle, store, folders, target)
     elif plan.git is not None:
         _checkout(plan.git, folders, target)
     elif folders.files.is_dir():
@@ -62,7 +60,7 @@ def _make_executable(path: Path) -> None:
             path.chmod(EXECUTABLE)
 
 
-def _unpack(bundle: Bundle, store: ObjectStore, target: Path) -> None:
+def _unpack(bundle: Bundle, store: ObjectStore, folders: Folders, target: Path) -> None:
     content = store.read(bundle.bucket, bundle.key)
     name = f"{bundle.bucket}/{bundle.key}"
     if content is None:
@@ -70,11 +68,15 @@ def _unpack(bundle: Bundle, store: ObjectStore, target: Path) -> None:
     found = hashlib.sha256(content).hexdigest()
     if found != bundle.sha256:
         raise InputError(f"{name}: its SHA-256 is {found}; the campaign wants {bundle.sha256}.")
+    archive = folders.scratch / "bundle"
+    archive.parent.mkdir(parents=True, exist_ok=True)
+    archive.write_bytes(content)
     try:
-        with tarfile.open(fileobj=BytesIO(content)) as archive:
-            archive.extractall(target, filter="data")
-    except (tarfile.TarError, EOFError, BadGzipFile, zlib.error) as error:
+        unpack_archive(archive, target, expansion=inf)
+    except InputError as error:
         raise InputError(f"{name}: cannot be unpacked: {error}") from error
+    finally:
+        archive.unlink()
 
 
 def _checkout(git: GitSource, folders: Folders, target: Path) -> None:

@@ -68,10 +68,16 @@ class Member:
     """Target of a link."""
 
 
-def unpack(archive: Path, folder: Path) -> list[Path]:
+def unpack(archive: Path, folder: Path, expansion: float = MOST_EXPANSION) -> list[Path]:
     """Unpack a tar file (any compression) or a zip file into an empty folder.
 
-    Owners and special permissions are not restored.
+    Owners and special permissions are not restored. (`tarfile` can do the same only from
+    Python 3.11.4 on; Debian 12 has an older one.)
+
+    Args:
+        archive: the archive.
+        folder: the empty folder.
+        expansion: how many times its size an archive may unpack to.
 
     Returns:
         The symbolic links, which may point anywhere: check them with `refuse_links_out`.
@@ -81,7 +87,7 @@ def unpack(archive: Path, folder: Path) -> list[Path]:
         OSError: the folder cannot be written.
     """
     links: dict[Path, str] = {}
-    room = _Room(archive)
+    room = _Room(archive, expansion)
     with _members(archive) as members:
         for member in members:
             path = folder / _checked(archive, member)
@@ -111,14 +117,14 @@ def refuse_links_out(archive: Path, links: Iterable[Path], folder: Path) -> None
             raise _refused(archive, link.name, "is a link that leads in a circle") from None
         if not end.is_relative_to(root):
             raise _refused(
-                archive, link.name, f"is a link out of the results, to `{link.readlink()}`"
+                archive, link.name, f"is a link out of its folder, to `{link.readlink()}`"
             )
 
 
 def _checked(archive: Path, member: Member) -> PurePosixPath:
     path = PurePosixPath(member.name)
     if path.is_absolute() or ".." in path.parts or "\0" in member.name:
-        raise _refused(archive, member.name, "is outside of the results")
+        raise _refused(archive, member.name, "is outside of its folder")
     if member.kind == "other":
         raise _refused(archive, member.name, "is neither a file, a folder nor a link")
     return path
@@ -139,9 +145,10 @@ class _Entry(tarfile.TarInfo):
 class _Room:
     """The space that an archive may still take when unpacked, as a limit for archive bombs."""
 
-    def __init__(self, archive: Path) -> None:
+    def __init__(self, archive: Path, expansion: float) -> None:
         self._archive = archive
-        self._most = max(LEAST_ROOM, MOST_EXPANSION * _size(archive))
+        self._expansion = expansion
+        self._most = max(LEAST_ROOM, expansion * _size(archive))
         self._left = self._most
 
     def take(self, size: int) -> None:
@@ -152,11 +159,12 @@ class _Room:
         """
         self._left -= size
         if self._left < 0:
+            most = f"{self._most / 2**20:.0f} MiB, {self._expansion:g} times its size"
             raise InputError(
-                f"{self._archive}: refused, because it unpacks to more than {self._most >> 20} "
-                f"MiB, {MOST_EXPANSION} times its size. Campaigns are not that large, but archives "
-                "made to fill a disk are. Nothing was imported. If you trust it, unpack it with "
-                "`tar` or `unzip` into the results folder."
+                f"{self._archive}: refused, because it unpacks to more than {most}. "
+                "Campaigns are not that large, but archives made to fill a disk are. Nothing "
+                "was imported. If you trust it, unpack it with `tar` or `unzip` into the results "
+                "folder."
             )
 
 
