@@ -57,12 +57,11 @@ def _repeated(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
 def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     """The first runs and pods that went wrong, then numbers: the tenth, the hundredth, ..."""
     before, now = _bad(snapshot.status), _bad(new)
-    if now <= before:
-        return
-    if before < MISHAPS:
+    # A Job counts its bad runs before their pods are read, which say what became of them.
+    if _is_among_first(before, now) or _is_among_first(_told(snapshot.status), _told(new)):
         for one in snapshot.pods.mishaps:
             yield Message("Warning", one.reason, one.message, f"{new.attempt} {one.about}")
-    if _step(before) != _step(now) and now >= 10:
+    if _step(before) < _step(now) and now >= 10:
         runs = new.runs
         told = f"{runs.failed} failed and {runs.errored} errored of {runs.decided} runs so far"
         yield Message("Warning", "RunsBad", told, f"{new.attempt} {_step(now)}")
@@ -71,6 +70,15 @@ def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
 def _bad(status: CampaignStatus) -> int:
     """How many runs did not pass, or may not have."""
     return status.runs.failed + status.runs.errored + status.runs.undecided
+
+
+def _told(status: CampaignStatus) -> int:
+    """How many runs did not pass, as their pods say."""
+    return status.runs.failed + status.runs.errored
+
+
+def _is_among_first(before: int, now: int) -> bool:
+    return before < min(now, MISHAPS)
 
 
 def _step(number: int) -> int:

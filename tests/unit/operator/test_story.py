@@ -11,9 +11,11 @@ from support.kube.fake_cluster import World, accepted
 
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.messages import LIMIT, BadRun, Verdicts
+from robovast.kubeapi.status import CampaignStatus, Runs
 from robovast_operator.pods.findings import Mishap
 from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.snapshot import Snapshot
+from robovast_operator.status.story import story
 
 BAD = BadRun(run="hall-1/0", verdict="failed", reason="too slow")
 
@@ -46,6 +48,21 @@ def test_a_campaign_all_of_whose_runs_fail_is_told_in_few_lines() -> None:
     assert told.count("RunFailed") == 3
     assert told.count("RunsBad") == 3, "at 10, 100 and 1000"
     assert len(told) == 8
+
+
+def test_a_bad_run_is_told_when_its_pod_says_so_after_its_job_has_counted_it() -> None:
+    def status(**runs: int) -> CampaignStatus:
+        return CampaignStatus(runs=Runs(total=8, **runs))
+
+    mishaps = [Mishap("RunErrored", "hall-1/2", "hall-1/2 has errored: ended by SIGKILL")]
+    found = World(accepted()).snapshot()
+    found = replace(found, pods=replace(found.pods, mishaps=mishaps))
+    counted, said = status(failed=2, undecided=2), status(failed=2, errored=2)
+    told = [event.about for event in story(replace(found, status=counted), said)]
+    assert "1 hall-1/2" in told
+    more = status(failed=2, errored=3)
+    told = [event.about for event in story(replace(found, status=said), more)]
+    assert "1 hall-1/2" not in told, "the first were told"
 
 
 def test_of_runs_that_pass_only_plan_and_job_are_told() -> None:
