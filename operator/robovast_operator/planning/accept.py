@@ -16,12 +16,12 @@ from robovast.base.errors import DocumentError, RobovastError
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import variants_digest
+from robovast.kubeapi.amounts import check_amounts
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.pod_contract.messages import Composed
 from robovast.kubeapi.resources import CampaignSpec
 from robovast.kubeapi.secret_names import refusal
 from robovast.kubeapi.source_files import Files, check_paths
-from robovast.model.document.execution import Execution, Resources
 from robovast.model.document.loader import Document, check_source
 from robovast.model.document.model import Vast
 from robovast.model.document.source import Source
@@ -29,14 +29,6 @@ from robovast.model.expansion import Variant, compose, select_any
 from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, CampaignPlan, Entry, format_breaks, is_breaks
 from robovast.model.plan import breaks
-from robovast.model.quantities import (
-    cpus,
-    disk,
-    gpu_resource,
-    memory,
-    resolve_per_context,
-    shared_memory,
-)
 from robovast.model.variations.loader import all_pure
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.planning.campaign import Accepted, Rejected
@@ -184,7 +176,7 @@ def _accepted(
         return Rejected(
             "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"
         )
-    _check_amounts(vast.execution, spec.cluster or "", settings)
+    check_amounts(vast.execution, spec.cluster or "", settings.work_limit)
     return Accepted(
         identity=identity,
         spec=spec,
@@ -217,24 +209,6 @@ def _not_reusable(spec: CampaignSpec, vast: Vast, image: str) -> str:
     if vast.search is not None:
         return "a search scores the runs that it has proposed itself; leave it out"
     return ""
-
-
-def _check_amounts(execution: Execution, context: str, settings: Settings) -> None:
-    """Make sure that a pod can be asked for.
-
-    Raises:
-        InputError: an amount is none, there is none for this cluster, or it is not allowed.
-    """
-    main, kubernetes = execution.resources, execution.kubernetes
-    containers: list[tuple[str, Resources]] = [("execution", main)]
-    containers += [(s.name, s.resources) for s in execution.secondary_containers]
-    for name, resources in containers:
-        cpus(resources.cpu, f"resources.cpu of {name}", context)
-        memory(resources.memory, f"resources.memory of {name}", context)
-        resolve_per_context(resources.gpu, context, f"resources.gpu of {name}")
-    shared_memory(main.shm_size, main.memory, context)
-    gpu_resource(kubernetes.gpu_resource, context)
-    disk(kubernetes.ephemeral_storage, context, settings.work_limit)
 
 
 DOCUMENT_CHANGED = Rejected(

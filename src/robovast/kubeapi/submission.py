@@ -21,6 +21,7 @@ from pydantic import ValidationError
 
 from robovast.base.errors import InputError
 from robovast.base.file_errors import reading
+from robovast.kubeapi.amounts import check_amounts
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
 from robovast.model.document import Document
@@ -29,7 +30,6 @@ from robovast.model.expansion import Selection, compose, patterns_of, select_any
 from robovast.model.expansion.containers import refuse_containers
 from robovast.model.expansion.sets import with_all_files
 from robovast.model.inputs import campaign_files
-from robovast.model.quantities import resolve_per_context
 
 INLINE_LIMIT = 700_000
 """Most characters of a document with its files in one Campaign: etcd takes little more."""
@@ -133,11 +133,11 @@ def prepare_submission(
         namespace: of the Campaign; left open when None.
 
     Raises:
-        InputError: the document cannot be expanded, or has amounts for other clusters alone,
-            nothing matches `options.select`, a file
+        InputError: the document cannot be expanded, or asks for amounts that no pod of this
+            cluster can have, nothing matches `options.select`, a file
             cannot be read, or a Campaign cannot hold an option's value.
     """
-    _check_context(document, options.context)
+    _check_amounts(document, options.context)
     files = _input_files(document, options.select)
     vast = json.loads(json.dumps(document.source.data, default=str))
     archive = None if _fits(vast, files) else pack(files)
@@ -193,31 +193,29 @@ def pack(files: Mapping[str, InputFile]) -> Archive:
 
 def needs_context(document: Document) -> bool:
     """True when the document has values that are given per cluster."""
-    return any(isinstance(value, list) for _, value in _amounts(document))
+    return any(isinstance(value, list) for value in _amounts(document))
 
 
-def _check_context(document: Document, context: str | None) -> None:
-    """Refuse what the cluster would refuse later: values for other clusters alone."""
+def _check_amounts(document: Document, context: str | None) -> None:
+    """Refuse what the cluster would refuse later."""
     if context is None and needs_context(document):
         raise InputError(
             f"{document.source.file}: resources have a value for each cluster, by the context of "
             "the kubeconfig: say which with `--context`."
         )
-    for key, value in _amounts(document):
-        resolve_per_context(value, context or "", f"{document.source.file}: {key}")
+    try:
+        check_amounts(document.vast.execution, context or "")
+    except InputError as error:
+        raise InputError(f"{document.source.file}: {error}") from None
 
 
-def _amounts(document: Document) -> Iterator[tuple[str, Any]]:
-    """The resource amounts of containers, each with its key."""
+def _amounts(document: Document) -> Iterator[Any]:
+    """The resource amounts of containers."""
     execution = document.vast.execution
-    asked = [("execution.resources", execution.resources.model_dump())]
-    asked += [
-        (f"resources of {c.name}", c.resources.model_dump()) for c in execution.secondary_containers
-    ]
     of_pods = {"gpu_resource", "ephemeral_storage"}
-    asked.append(("execution.kubernetes", execution.kubernetes.model_dump(include=of_pods)))
-    for key, amounts in asked:
-        yield from ((f"{key}, {name}", value) for name, value in amounts.items())
+    yield from execution.kubernetes.model_dump(include=of_pods).values()
+    for resources in (execution.resources, *(c.resources for c in execution.secondary_containers)):
+        yield from resources.model_dump().values()
 
 
 def _input_files(document: Document, select: Selection) -> dict[str, InputFile]:

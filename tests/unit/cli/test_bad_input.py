@@ -306,13 +306,16 @@ def test_no_library_speaks_to_the_user(
 
 
 def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> None:
-    resources = "  resources: {cpu: [{lab: many}], memory: 8Gx}\n"
-    (folder / "bad.vast").write_text(HEAD + TAIL + resources)
+    resources = "  resources: {cpu: [{lab: many}], memory: 8Gx, shm_size: much}\n"
+    disk = "  kubernetes: {ephemeral_storage: 1GB}\n"
+    (folder / "bad.vast").write_text(HEAD + TAIL + resources + disk)
     outcome = vast("-V", "bad.vast", "config", "check")
     assert outcome.code == 2
     for said in (
         "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`.",
         "resources.memory: `8Gx` is not an amount of memory; write `8Gi` or `4096Mi`.",
+        "resources.shm_size: `much` is not an amount of memory; write `8Gi` or `4096Mi`.",
+        "kubernetes.ephemeral_storage: `1GB` is not an amount of memory; write `8Gi` or `4096Mi`.",
     ):
         assert re.search(rf"^bad\.vast:\d+:\d+: execution\.{re.escape(said)}$", outcome.err, re.M)
 

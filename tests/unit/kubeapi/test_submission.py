@@ -140,7 +140,10 @@ def test_the_context_counts_when_values_are_given_per_cluster(folder: Path, give
     ("context", "message"),
     [
         (None, "resources have a value for each cluster.* say which with `--context`"),
-        ("lab", "resources of nav, cpu has no value for `lab`; it has values for gcp-c4, local"),
+        (
+            "lab",
+            r"resources\.cpu of nav has no value for `lab`; it has values for gcp-c4, local",
+        ),
     ],
 )
 def test_amounts_for_other_clusters_alone_are_refused(
@@ -152,6 +155,24 @@ def test_amounts_for_other_clusters_alone_are_refused(
     document = load_document(path)
     with pytest.raises(InputError, match=message):
         spec_of(document, SubmitOptions(context=context))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("resources: {cpu: 4 cores}", r"resources\.cpu of execution: `4 cores` is not a number"),
+        ("resources: {shm_size: much}", r"execution\.resources\.shm_size: `much` is not an amount"),
+        ("resources: {shm_size: 2Gi, memory: 1Gi}", "no more than `memory`"),
+        ("kubernetes: {ephemeral_storage: 1GB}", r"\.ephemeral_storage: `1GB` is not an amount"),
+    ],
+)
+def test_amounts_that_no_pod_can_have_are_refused_before_anything_is_created(
+    folder: Path, given: str, message: str
+) -> None:
+    path = folder / "drive.vast"
+    path.write_text(f"{DOCUMENT}  {given}\n")
+    with pytest.raises(InputError, match=rf"drive\.vast: .*{message}"):
+        spec_of(load_document(path), SubmitOptions())
 
 
 def test_what_matches_nothing_is_refused_before_anything_is_created(document: Document) -> None:

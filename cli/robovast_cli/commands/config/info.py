@@ -19,7 +19,7 @@ from robovast.compat.differences import differences
 from robovast.execution.local.scenario_syntax import check_syntax
 from robovast.model.designs import coverages, rows_of
 from robovast.model.document import Document
-from robovast.model.document.execution import Resources
+from robovast.model.document.execution import Execution, Resources
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.document.source import KeyPath
 from robovast.model.expansion import Variant
@@ -106,17 +106,26 @@ def _alone(document: Document, entry: ConfigurationEntry) -> Document:
 def _check_resources(document: Document) -> None:
     """Raise a DocumentError that names every amount that is none."""
     execution, source = document.vast.execution, document.source
-    containers: dict[KeyPath, Resources] = {("resources",): execution.resources}
-    for number, container in enumerate(execution.secondary_containers):
-        containers["secondary_containers", number] = container.resources
     problems = [
-        source.problem(("execution", *path, kind), said)
-        for path, asked in containers.items()
-        for kind, parse in (("cpu", parse_cpus), ("memory", parse_memory))
-        for said in _wrong_amounts(getattr(asked, kind), parse)
+        source.problem(("execution", *path), said)
+        for path, value, parse in _amounts(execution)
+        for said in _wrong_amounts(value, parse)
     ]
     if problems:
         raise DocumentError(problems)
+
+
+def _amounts(execution: Execution) -> Iterator[tuple[KeyPath, Any, Callable[[Any], float]]]:
+    """The amounts that the section names: place, value, how it is read."""
+    containers: dict[KeyPath, Resources] = {("resources",): execution.resources}
+    for number, container in enumerate(execution.secondary_containers):
+        containers["secondary_containers", number] = container.resources
+    for path, asked in containers.items():
+        yield (*path, "cpu"), asked.cpu, parse_cpus
+        yield (*path, "memory"), asked.memory, parse_memory
+    yield ("resources", "shm_size"), execution.resources.shm_size, parse_memory
+    disk = execution.kubernetes.ephemeral_storage
+    yield ("kubernetes", "ephemeral_storage"), disk, parse_memory
 
 
 def _wrong_amounts(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:
