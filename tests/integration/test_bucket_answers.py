@@ -21,7 +21,7 @@ from robovast.analysis.tables.in_bucket import tables_in
 from robovast.analysis.tables.query import ask
 from robovast.analysis.tables.runs import record_rows
 from robovast.analysis.tables.stored import StoredTables
-from robovast.base.errors import InputError, StorageError
+from robovast.base.errors import ExitCode, InputError, StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES, INDEX, RUNS_TABLE, Layout
 from robovast.campaign.run_record import read_run_record
 from robovast.storage.s3 import ObjectStore
@@ -128,6 +128,34 @@ def test_tables_that_are_replaced_meanwhile_are_no_wrong_query(
         ask([StoredTables("damaged", 8192, lambda *_: b"x" * 4096)], OUTPUT)
 
 
+def name_storage(s3_server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Name the S3 server and its keys in the environment."""
+    monkeypatch.setenv("ROBOVAST_S3_ENDPOINT", f"http://{s3_server.endpoint}")
+    monkeypatch.setenv("ROBOVAST_S3_ACCESS_KEY", s3_server.access_key)
+    monkeypatch.setenv("ROBOVAST_S3_SECRET_KEY", s3_server.secret_key)
+
+
+def test_a_bucket_without_a_graph_says_who_makes_it(
+    store: ObjectStore,
+    bucket: str,
+    campaign: Path,
+    s3_server: Server,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    write_index(store, bucket, campaign)
+    name_storage(s3_server, monkeypatch)
+    with pytest.raises(SystemExit) as ended:
+        command().main(
+            args=["results", "sparql", "failed-runs", "--bucket", bucket], prog_name="vast"
+        )
+    assert ended.value.code == ExitCode.BAD_INPUT
+    said = capsys.readouterr().err
+    assert f"no graph is stored of {bucket}" in said
+    assert "spec.processResults: true" in said
+    assert "/tmp" not in said, "the folder of this command, which is gone"
+
+
 def test_commands_answer_as_after_a_download(
     store: ObjectStore,
     bucket: str,
@@ -137,9 +165,7 @@ def test_commands_answer_as_after_a_download(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     store_own_tree(Bucket(store, bucket, None), campaign)
-    monkeypatch.setenv("ROBOVAST_S3_ENDPOINT", f"http://{s3_server.endpoint}")
-    monkeypatch.setenv("ROBOVAST_S3_ACCESS_KEY", s3_server.access_key)
-    monkeypatch.setenv("ROBOVAST_S3_SECRET_KEY", s3_server.secret_key)
+    name_storage(s3_server, monkeypatch)
 
     def said(*words: str) -> str:
         with pytest.raises(SystemExit) as ended:

@@ -38,6 +38,7 @@ def sparql(
     complete ones. With --bucket only the graphs are downloaded, which results
     processing in the cluster makes.
     """
+    from robovast.base.errors import InputError
     from robovast.campaign.finding import find_campaigns
     from robovast.model.naming import GRAPH
     from robovast_cli.ui.answers import print_answer, print_query_names
@@ -51,4 +52,11 @@ def sparql(
     from robovast_cli.commands.results.buckets import opened
 
     with opened(bucket, context, namespace) as found:
-        print_answer(query, [one.bring(GRAPH) for one in found], output)
+        folders = [one.bring(GRAPH) for one in found]
+        if not any((folder / GRAPH).is_file() for folder in folders):
+            raise InputError(
+                f"no graph is stored of {', '.join(bucket)}: results processing in the cluster "
+                "makes it (`spec.processResults: true` of the Campaign). To make it here: "
+                "`vast results download`, then `vast results postprocess`."
+            )
+        print_answer(query, folders, output)
