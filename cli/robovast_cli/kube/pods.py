@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robovast.base.errors import InputError
+from robovast.kubeapi.pod_contract.exit_codes import NEVER_STARTED
 from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH
 from robovast_cli.kube.api import Json
 
@@ -18,7 +19,12 @@ def is_live(pod: Json) -> bool:
 def has_begun(pod: Json, container: str) -> bool:
     """Whether a container has a log."""
     states = (s.get("state") or {} for s in _statuses(pod) if s["name"] == container)
-    return any("running" in state or "terminated" in state for state in states)
+    return any("running" in state or _has_ended(state) for state in states)
+
+
+def _has_ended(state: Json) -> bool:
+    """Whether a container has ended that was started before."""
+    return "terminated" in state and state["terminated"].get("reason") not in NEVER_STARTED
 
 
 def is_prepared(pod: Json) -> bool:
@@ -64,6 +70,9 @@ def _reasons(pod: Json) -> Iterator[str]:
         if waiting.get("message"):
             told = f"{waiting.get('reason')}: {waiting['message']}"
             yield f"waits for its container {container['name']}: {told}"
+        if "terminated" in state and not _has_ended(state):
+            told = state["terminated"].get("message", "")
+            yield f"cannot start its container {container['name']}: {told}"
     for container in _statuses(pod):
         running = "running" in (container.get("state") or {})
         if running and container["name"] in ("compat-version", FETCH, AGENT):

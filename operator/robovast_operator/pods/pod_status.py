@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from signal import SIGKILL, SIGTERM
 
 from robovast.execution.compat import INCOMPATIBLE
-from robovast.kubeapi.pod_contract.exit_codes import AgentExit
+from robovast.kubeapi.pod_contract.exit_codes import NEVER_STARTED, AgentExit
 from robovast.kubeapi.pod_contract.messages import error_in
 from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH, INDEX_ANNOTATION, RUN
 from robovast.kubeapi.pod_contract.sightings import Sightings
@@ -131,7 +131,7 @@ def _ending(container: Object, ended: Object) -> Trouble | None:
     """The cause that a container's end shows; None if its end is a result."""
     name, code = container["name"], ended.get("exitCode")
     told = error_in(ended.get("message") or "")
-    if ended.get("reason") in ("StartError", "ContainerCannotRun"):
+    if ended.get("reason") in NEVER_STARTED:
         return Trouble("Container", f"the container {name} cannot start: {told}")
     if name not in _OWN:
         return None

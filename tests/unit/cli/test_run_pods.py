@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robovast_cli.kube.pods import is_prepared, waiting_reason
+from robovast_cli.kube.pods import has_begun, is_prepared, waiting_reason
 
 RUNNING = {"running": {"startedAt": "2026-11-21T08:00:00Z"}}
 DONE = {"terminated": {"exitCode": 0}}
@@ -56,3 +56,13 @@ def test_a_pod_that_is_not_prepared_says_by_whom(pod: Any, told: str) -> None:
 )
 def test_no_other_pod_is_said_to_be_in_preparation(pod: Any) -> None:
     assert is_prepared(pod)
+
+
+def test_a_container_that_cannot_be_started_has_no_log_and_the_pod_says_why() -> None:
+    refused = {"terminated": {"reason": "StartError", "message": "memory limit too low"}}
+    found = pod(True, RUNNING, refused, compat_version=DONE)
+    assert not has_begun(found, "robovast")
+    assert waiting_reason(found).endswith(
+        "cannot start its container robovast: memory limit too low"
+    )
+    assert has_begun(pod(True, RUNNING, DONE), "robovast")

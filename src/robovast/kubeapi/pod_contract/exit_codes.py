@@ -69,3 +69,7 @@ def exit_code_of(verdicts: Iterable[Verdict]) -> AgentExit:
     if Verdict.ERRORED in found:
         return AgentExit.ERRORED
     return AgentExit.FAILED if Verdict.FAILED in found else AgentExit.PASSED
+
+
+NEVER_STARTED = frozenset({"StartError", "ContainerCannotRun"})
+"""What Kubernetes says of the end of a container that could not be started."""
