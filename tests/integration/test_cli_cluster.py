@@ -714,6 +714,31 @@ def test_a_run_without_a_log_says_why_and_one_that_is_none_which_there_are(
     assert vast("logs").code == vast("logs", "--failed", "-f").code == 2
 
 
+@pytest.mark.parametrize("command", ["logs", "debug"])
+def test_of_a_campaign_that_is_not_accepted_the_reason_is_told_in_place_of_a_run(
+    vast: Vast, operator: Operator, command: str
+) -> None:
+    vast("run", "--detach")
+    (name,) = operator.names()
+    wrong = condition("Accepted", "False", "AssetsNotFound", "no claim `worlds`")
+    operator.report(name, state="Rejected", conditions=[wrong])
+    outcome = vast(command, name, "sweep-1-1/0")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert f"{name} was not accepted, so it has no runs: no claim `worlds`" in outcome.err
+    assert "no claim `worlds`" in vast("runs", name).out
+
+
+def test_a_shell_of_a_run_that_is_not_executed_names_the_command_that_says_more(
+    vast: Vast, operator: Operator, known_cluster: Cluster, namespace: str
+) -> None:
+    vast("run", "--detach")
+    (name,) = operator.names()
+    known_cluster.apply(plan_config_map(known_cluster, name, namespace))
+    outcome = vast("shell", name, "sweep-1-1/0")
+    assert outcome.code == 3
+    assert f"`vast exec cluster logs {name} sweep-1-1/0` says why" in outcome.err
+
+
 def plan_config_map(cluster: Cluster, name: str, namespace: str) -> dict[str, Any]:
     """The plan that the operator would make of a campaign of growth_sim."""
     obj: Any = cluster.get("campaign", name, f"--namespace={namespace}")

@@ -87,6 +87,17 @@ class CampaignRuns:
             return None
         return planned_runs(self._kube, self.campaign, lambda: self._store)
 
+    def check_accepted(self) -> None:
+        """Make sure that the campaign has runs, or will have.
+
+        Raises:
+            InputError: the operator has refused it.
+        """
+        campaign = self.campaign
+        if campaign is not None and campaign.rejected and self.planned is None:
+            why = "; ".join(campaign.messages)
+            raise InputError(f"{campaign.name} was not accepted, so it has no runs: {why}")
+
     def executor(self, run: str) -> Executor | None:
         """The pod that is there for a run; None when there is none.
 

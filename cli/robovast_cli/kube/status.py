@@ -13,6 +13,8 @@ from robovast.base.printable import printable
 from robovast.kubeapi.resources import Scheduling, Storage
 from robovast.kubeapi.status import CampaignStatus, Condition, SearchStatus, read_status
 
+NAMED = 10
+"""Most campaigns that a message names."""
 _TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
 """Conditions, and their status, whose message a person wants to read."""
 
@@ -207,11 +209,19 @@ def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> 
     """
     found = lookup(known, name)
     if found is None:
-        names = ", ".join(campaign.name for campaign in known) or "none"
         raise InputError(
-            f"there is no campaign `{name}` in the namespace {namespace}; it has {names}."
+            f"there is no campaign `{name}` in the namespace {namespace}; it has "
+            f"{some_names(known)}."
         )
     return found
+
+
+def some_names(known: Sequence[CampaignState]) -> str:
+    """Names of campaigns for a message, of many those of the newest."""
+    names = [campaign.name for campaign in known[-NAMED:]]
+    others = len(known) - len(names)
+    more = f"and {others} older ones (`vast exec cluster monitor --once`)"
+    return ", ".join([*names, *([more] if others else [])]) or "none"
 
 
 def _waits(condition: Condition) -> bool:

@@ -167,3 +167,13 @@ def test_failed_runs_are_what_a_search_looks_for(state: str, passed: str, code: 
     assert "drive-x: batches 3/3 | best failure_rate 0.75" in table([made])
     assert "batches 3/3 | best failure_rate 0.75" in line(made)
     assert campaign(search=found, startTime="2026-01-01T00:00:00Z").left(datetime.now(UTC)) is None
+
+
+def test_of_many_campaigns_a_message_names_the_newest() -> None:
+    known = [campaign(f"drive-{number}") for number in range(12)]
+    with pytest.raises(InputError) as caught:
+        find_campaign(known, "hall", "lab")
+    assert "it has drive-2, drive-3, " in str(caught.value)
+    assert "drive-11, and 2 older ones (`vast exec cluster monitor --once`)" in str(caught.value)
+    with pytest.raises(InputError, match=r"it has drive-0, drive-1\.$"):
+        find_campaign(known[:2], "hall", "lab")

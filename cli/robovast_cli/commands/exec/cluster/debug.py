@@ -21,11 +21,12 @@ def debug(context: str | None, namespace: str | None, words: Sequence[str]) -> N
         words: the campaign, which may be left out, and the run.
 
     Raises:
-        InputError: there is no such campaign or run.
+        InputError: there is no such campaign or run, or the campaign was not accepted.
         CannotRunError: nothing says any more how its pod is made.
     """
     name, run = campaign_and_run(words)
     with opened_runs(context, namespace, name) as (kube, runs):
+        runs.check_accepted()
         campaign, planned = runs.campaign, runs.planned
         if campaign is None or planned is None:
             raise CannotRunError("the Campaign has no runs yet, or was removed.")

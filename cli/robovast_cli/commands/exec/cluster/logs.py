@@ -19,7 +19,7 @@ from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import NotFoundError
 from robovast_cli.kube.pods import check_container, has_begun, is_prepared, waiting_reason
 from robovast_cli.kube.runs import CampaignRuns, Executor
-from robovast_cli.kube.status import CampaignState, lookup
+from robovast_cli.kube.status import CampaignState, lookup, some_names
 from robovast_cli.kube.store import place_of
 from robovast_cli.ui.output import say_data
 from robovast_cli.ui.report import tell
@@ -109,7 +109,7 @@ def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
     for found in (known, unfinished):
         if len(found) == 1:
             return found[0]
-    names = ", ".join(campaign.name for campaign in known) or "none"
+    names = some_names(known)
     raise InputError(f"name a campaign before the run; the namespace {kube.namespace} has {names}.")
 
 
@@ -135,7 +135,7 @@ class RunLog:
                 return
             reason = self._waiting(executor)
             if reason != told:
-                tell(f"{self._run} waits: {reason}.")
+                tell(f"{self._run} waits: {reason.rstrip('.')}.")
                 told = reason
             if not self._how.follow:
                 return
@@ -204,12 +204,13 @@ class RunLog:
             return f"its pod {executor.name} has not come to it yet"
         if executor is not None:
             return waiting_reason(executor.pod)
-        if campaign is None or campaign.finished:
+        self._runs.check_accepted()
+        if campaign is None or (campaign.finished and not campaign.rejected):
             raise InputError(f"`{self._run}` is not among the stored runs of the campaign.")
         if campaign.suspended:
             return f"the campaign is stopped; `vast exec cluster resume -i {campaign.name}`"
         if campaign.messages:
-            return "; ".join(campaign.messages).rstrip(".")
+            return "; ".join(campaign.messages)
         if self._runs.planned is None:
             return "the campaign is not planned yet"
         return f"it has no pod yet ({campaign.counts()})"

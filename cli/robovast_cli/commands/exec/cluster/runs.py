@@ -42,6 +42,8 @@ def runs(context: str | None, namespace: str | None, name: str | None, *, failed
             say("No run is executed now, and none has failed.")
         if found.campaign is not None:
             say(f"{found.campaign.name}: {found.campaign.counts()}.")
+            for told in () if rows else found.campaign.messages:
+                say(f"    {told}")
 
 
 def _executed(found: CampaignRuns) -> Iterator[list[str]]:

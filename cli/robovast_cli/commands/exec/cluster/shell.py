@@ -38,9 +38,9 @@ def shell(
     with opened_runs(context, namespace, campaign) as (kube, runs):
         executor = runs.executor(run)
         if executor is None:
+            logs = " ".join(["vast exec cluster logs", *words])
             raise CannotRunError(
-                f"{run} is not executed now. `vast exec cluster logs {run}` says why it waits, or "
-                "what it did."
+                f"{run} is not executed now. `{logs}` says why it waits, or what it did."
             )
         check_container(executor.pod, container)
         if not has_begun(executor.pod, container):
