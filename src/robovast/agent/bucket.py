@@ -84,9 +84,9 @@ class Bucket:
         return self.store.replace(self.name, key, text, etag)
 
     def store_list(self, writer: Writer, files: Sequence[StoredFile]) -> FileList:
-        """Store the list of a run's files, which are stored already."""
+        """Store the list of a run's files, which are stored already; it is this writer's alone."""
         content = write_list(files)
-        self.store.put_bytes(self.name, f"{writer.run}/{writer.list_key}", content)
+        self.store.create(self.name, f"{writer.run}/{writer.list_key}", content)
         return FileList(
             key=writer.list_key,
             sha256=hashlib.sha256(content).hexdigest(),

@@ -60,6 +60,8 @@ class Results:
         self._host = os.environ.get("NODE_NAME") or socket.gethostname()
         self._names: dict[int, str] = {}
         self._next_snapshot = 0.0
+        self._begun: set[str] = set()
+        """Where something of a job may be stored already: no other pod stores it."""
 
     def store_run(self, ended: EndedRun) -> RunRecord:
         """Store a finished run, and remove its folder.
@@ -133,7 +135,9 @@ class Results:
     def store_job(self, job: PackStart, folder: Path) -> None:
         """Store what a finished job left beside its runs, and remove its folder."""
         prefix = f"{JOBS}/{self._name(job)}/"
-        there = Keys(item.key for item in self._bucket.store.objects(self._bucket.name, prefix))
+        listed = self._bucket.store.objects(self._bucket.name, prefix)
+        there = Keys(item.key for item in (listed if prefix in self._begun else ()))
+        self._begun.add(prefix)
 
         def store(path: str, _: int, file: BinaryIO) -> bool:
             return self._bucket.put(prefix + escaped(path), file, there)
@@ -149,6 +153,7 @@ class Results:
         if time.monotonic() < self._next_snapshot:
             return
         prefix = f"{JOBS}/{self._name(job)}/"
+        self._begun.add(prefix)
         for path, file in open_files(folder):
             if isinstance(file, OSError):
                 continue  # it is told of at the end of the job
