@@ -107,4 +107,4 @@ def _add_results(share: argparse.ArgumentParser) -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    quick_start.end(main())

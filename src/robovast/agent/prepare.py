@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -26,7 +26,6 @@ from robovast.agent.job_files import prepare_output, write_environment, write_pa
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Deciding, Pack
 from robovast.agent.results import Results
-from robovast.agent.reuse import key_parts, take_over
 from robovast.agent.scripts import FOLDER, START
 from robovast.base.errors import InputError
 from robovast.execution.contract import contract_files
@@ -72,8 +71,7 @@ def prepare(folders: Folders, request: PackRequest) -> AgentExit:
         common = _common_files(campaign, document)
         if campaign.plan.reuse and not looking:
             environment = _environment(campaign, document, pack.first)
-            parts = key_parts(campaign, document, pack.scenario, left, environment, common)
-            pack = _reusing(campaign, dataclasses.replace(pack, keys=parts))
+            pack = _reusing(campaign, document, pack, left, environment, common)
     job = pack.first
     container = RunContainer(folders)
     if job is not None:
@@ -182,11 +180,22 @@ def _claimed(campaign: Campaign, pack: Pack) -> Pack:
     return dataclasses.replace(pack, first_job=claim_job(campaign.bucket, pack, pack.first))
 
 
-def _reusing(campaign: Campaign, pack: Pack) -> Pack:
+def _reusing(
+    campaign: Campaign,
+    document: Document,
+    pack: Pack,
+    left: Sequence[Run],
+    environment: Mapping[str, str],
+    common: Path,
+) -> Pack:
     """The pack without the runs that others have executed with the same keys.
 
     A repetition executes its runs, whatever is stored.
     """
+    from robovast.agent.reuse import key_parts, take_over  # most campaigns reuse nothing
+
+    parts = key_parts(campaign, document, pack.scenario, left, environment, common)
+    pack = dataclasses.replace(pack, keys=parts)
     if pack.keys is not None:
         campaign.store.make_bucket(REUSE_BUCKET)
     while pack.keys is not None and pack.attempt == 1 and pack.first is not None:

@@ -14,7 +14,6 @@ from urllib.parse import urlsplit
 
 from robovast.agent.mounts import Folders
 from robovast.base.errors import InputError, StorageError
-from robovast.campaign.archive import unpack as unpack_archive
 from robovast.kubeapi.pod_contract.packed import PACKED, unpack
 from robovast.model.packs import Bundle, CampaignPlan, GitSource
 from robovast.storage.s3 import EXECUTABLE, ObjectStore
@@ -68,6 +67,8 @@ def _unpack(bundle: Bundle, store: ObjectStore, folders: Folders, target: Path) 
     found = hashlib.sha256(content).hexdigest()
     if found != bundle.sha256:
         raise InputError(f"{name}: its SHA-256 is {found}; the campaign wants {bundle.sha256}.")
+    from robovast.campaign.archive import unpack as unpack_archive  # which few campaigns need
+
     archive = folders.scratch / "bundle"
     archive.parent.mkdir(parents=True, exist_ok=True)
     archive.write_bytes(content)

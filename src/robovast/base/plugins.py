@@ -8,17 +8,17 @@ import importlib.util
 import os
 import re
 import sys
-import sysconfig
 import traceback
 from collections.abc import Callable, Iterator
-from difflib import get_close_matches
 from functools import lru_cache
 from importlib.machinery import SourceFileLoader
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import CannotRunError, InputError, RobovastError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 _FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)$")
 
@@ -26,7 +26,7 @@ _FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)$")
 _MOST = 2000
 """Most characters of what is told of an exception."""
 _OURS = f"{Path(__file__).parents[1]}{os.sep}"
-_PYTHON = f"{sysconfig.get_path('stdlib')}{os.sep}"
+_PYTHON = f"{os.path.dirname(os.__file__)}{os.sep}"
 
 
 def raised(error: BaseException) -> str:
@@ -87,6 +87,8 @@ def split_file_reference(reference: str) -> tuple[str, str] | None:
 @lru_cache
 def plugins_of(group: str) -> dict[str, EntryPoint]:
     """Entry points of a group by name; the first of equal names wins."""
+    from importlib.metadata import entry_points
+
     found: dict[str, EntryPoint] = {}
     for entry_point in entry_points(group=group):
         found.setdefault(entry_point.name, entry_point)
@@ -122,6 +124,8 @@ def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
 def _load_entry_point(name: str, group: str) -> Any:
     known = plugins_of(group)
     if name not in known:
+        from difflib import get_close_matches
+
         near = get_close_matches(name, known, n=1)
         hint = f"Did you mean `{near[0]}`?" if near else f"Installed: {', '.join(sorted(known))}."
         raise InputError(

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil
-from statistics import median
 
 SHARE = 0.02
 """Part of a pack's time that its start may take where runs abound: the smaller packs of the
@@ -59,8 +58,14 @@ def pace_of(samples: Iterable[Sample]) -> Pace | None:
     if not known:
         return None
     runs = sum(sample.run_seconds for sample in known) / sum(sample.runs for sample in known)
-    start = median(max(0.0, sample.seconds - sample.run_seconds) for sample in known)
+    start = _median(max(0.0, sample.seconds - sample.run_seconds) for sample in known)
     return Pace(start, runs)
+
+
+def _median(values: Iterable[float]) -> float:
+    from statistics import median  # whose import costs more than a document's own checks
+
+    return median(values)
 
 
 def next_packs(left: int, workers: int, last: int, pace: Pace | None) -> tuple[int, int]:

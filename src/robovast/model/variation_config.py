@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -49,7 +48,14 @@ def unknown_parameters(parameters: Any, config_class: type[BaseModel]) -> dict[s
         return {}
     known = {name for field in config_class.model_fields.items() for name in _names(*field)}
     unknown = (str(key) for key in parameters if key not in known)
-    return {key: next(iter(difflib.get_close_matches(key, known, n=1)), None) for key in unknown}
+    return {key: next(iter(_similar(key, known)), None) for key in unknown}
+
+
+def _similar(key: str, known: Iterable[str]) -> list[str]:
+    """The most similar known name, if there is any."""
+    from difflib import get_close_matches  # hardly ever needed, and pods start with this module
+
+    return get_close_matches(key, known, n=1)
 
 
 def _names(name: str, field: FieldInfo) -> list[str]:
@@ -66,7 +72,7 @@ def _explain(details: Any, config_class: type[BaseModel]) -> str:
     if details["type"] == "missing":
         return f"the parameter `{key}` is missing"
     if details["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(key, known, n=1)
+        near = _similar(key, known)
         hint = f"did you mean `{near[0]}`?" if near else f"known: {', '.join(known)}"
         return f"unknown parameter `{key}` ({hint})"
     return f"`{key}` {sentence(details)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,7 +16,6 @@ from robovast.model.document.ignored import without_ignored
 from robovast.model.document.model import ConfigurationEntry, Vast
 from robovast.model.document.parts import Parts
 from robovast.model.document.problems import problems_of
-from robovast.model.document.search.checks import check_search, search_warnings
 from robovast.model.document.search.section import Search
 from robovast.model.document.source import KeyPath, Source
 
@@ -75,11 +75,31 @@ def check_source(source: Source, *, search: bool = True) -> Document:
     data, warnings = without_ignored(source)
     vast, problems = _validate(Vast, data, source, ())
     path = source.file.absolute()
-    parts = _valid_parts(source, path, vast.search if vast and search else None)
-    problems += [*check_parts(parts), *check_search(parts)]
+    searched = vast.search if vast and search else None
+    if vast is not None and data is source.data:
+        entries = dict(enumerate(vast.configuration or ()))
+        parts = Parts(path.parent, source, entries, vast.execution, searched)
+    else:
+        parts = _valid_parts(source, path, searched)
+    problems += [*check_parts(parts), *_search_problems(parts)]
     if vast is None or problems:
         raise DocumentError(problems)
-    return Document(path, vast, source, (*warnings, *warnings_of(parts), *search_warnings(parts)))
+    return Document(path, vast, source, (*warnings, *warnings_of(parts), *_search_warnings(parts)))
+
+
+def _search_problems(parts: Parts) -> list[Problem]:
+    if parts.search is None:
+        return []
+    from robovast.model.document.search.checks import check_search  # which each pod would import
+
+    return check_search(parts, parts.search)
+
+
+def _search_warnings(parts: Parts) -> Iterator[Problem]:
+    if parts.search is not None:
+        from robovast.model.document.search.checks import search_warnings
+
+        yield from search_warnings(parts, parts.search)
 
 
 def _validate(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 from collections.abc import Iterable
@@ -103,7 +102,9 @@ def sentence(*group: ErrorDetails) -> str:
 
 def nearest(given: str, allowed: Iterable[str]) -> str | None:
     """The allowed name most similar to the given one; None when no name is similar."""
-    return next(iter(difflib.get_close_matches(given, sorted(allowed), n=1, cutoff=0.6)), None)
+    from difflib import get_close_matches
+
+    return next(iter(get_close_matches(given, sorted(allowed), n=1, cutoff=0.6)), None)
 
 
 def suggest(given: str, allowed: Iterable[str]) -> str:

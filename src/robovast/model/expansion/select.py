@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
@@ -31,8 +30,10 @@ def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
         ]
     if chosen:
         return chosen
+    from difflib import get_close_matches
+
     names = list(dict.fromkeys([v.entry for v in variants] + [v.name for v in variants]))
-    near = difflib.get_close_matches(pattern, names, n=3) or names[:5]
+    near = get_close_matches(pattern, names, n=3) or names[:5]
     raise InputError(
         f"no configuration matches `{pattern}`. There are {len(variants)}, for example "
         f"{', '.join(near)}; `vast config list` shows all."

@@ -8,7 +8,11 @@ from typing import Any
 
 from robovast.base.errors import InputError, RobovastError
 from robovast.base.plugins import load_plugin, split_file_reference
+from robovast.model.variations import BUILT_IN_TYPES
 from robovast.model.variations.base_variation import Variation
+
+_BUILT_IN = {kind.__name__: kind for kind in BUILT_IN_TYPES}
+"""Found without a look at all that is installed, for which each pod would pay."""
 
 GROUP = "robovast.variation_types"
 
@@ -24,7 +28,7 @@ def load_variation(name: str, folder: str | Path) -> type[Variation]:
         InputError: it does not exist, cannot be loaded, or is not a variation type.
         CannotRunError: a package that it imports is not installed.
     """
-    found = load_plugin(name, GROUP, folder)
+    found = _BUILT_IN.get(name) or load_plugin(name, GROUP, folder)
     if not (isinstance(found, type) and issubclass(found, Variation)):
         raise InputError(
             f"`{name}` is not a variation type: it must be a class that inherits from "

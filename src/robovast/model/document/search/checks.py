@@ -26,11 +26,8 @@ _BASE: KeyPath = ("search",)
 _TEMPLATE = ("variations", "parameters")
 
 
-def check_search(parts: Parts) -> list[Problem]:
+def check_search(parts: Parts, search: Search) -> list[Problem]:
     """All problems of a search, whose form is right."""
-    search = parts.search
-    if search is None:
-        return []
     return [
         *_check_runs(parts),
         *_check_markers(parts, search),
@@ -42,11 +39,8 @@ def check_search(parts: Parts) -> list[Problem]:
     ]
 
 
-def search_warnings(parts: Parts) -> Iterator[Problem]:
+def search_warnings(parts: Parts, search: Search) -> Iterator[Problem]:
     """Warnings about what is allowed and usually a mistake."""
-    search = parts.search
-    if search is None:
-        return
     for key in _TEMPLATE:
         for path, text in doubtful(parts.source.data["search"].get(key)):
             yield parts.source.problem(
