@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import CannotRunError, InputError
+from robovast.kubeapi.resources import DNS_LABEL
 from robovast.model.document.source import Source
 
 
@@ -16,9 +18,13 @@ def choose(context: str | None, namespace: str | None) -> tuple[str | None, str 
     The files of `$KUBECONFIG` are merged; the first value wins.
 
     Raises:
-        InputError: a file cannot be read.
+        InputError: a file cannot be read, or no namespace can have that name.
         CannotRunError: there is no such context.
     """
+    if namespace and not re.fullmatch(DNS_LABEL, namespace):
+        raise InputError(
+            f"`{namespace}` is no name of a namespace: it has small letters, digits and `-` only."
+        )
     told = (file.get("current-context") for file in _all())
     chosen = context or next(filter(None, told), None)
     found = _entry("context", chosen)

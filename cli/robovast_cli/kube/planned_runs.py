@@ -28,6 +28,20 @@ if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
 
 
+def split_run(run: str) -> tuple[str, int]:
+    """Variant and number of the run in a folder.
+
+    Raises:
+        ValueError: no run has such a folder.
+    """
+    variant, _, number = run.rpartition("/")
+    if run != f"{variant}/{int(number)}" or "/" in variant or not run.isprintable():
+        raise ValueError(run)
+    if variant in {"", ".", ".."}:
+        raise ValueError(run)
+    return variant, int(number)
+
+
 @dataclass(frozen=True)
 class PlannedRuns:
     """Which run is which."""
@@ -42,9 +56,9 @@ class PlannedRuns:
         Raises:
             InputError: there is no such run.
         """
-        variant, _, number = run.rpartition("/")
         try:
-            return self.plan.id_of(self.names.index(variant), int(number))
+            variant, number = split_run(run)
+            return self.plan.id_of(self.names.index(variant), number)
         except (ValueError, IndexError):
             raise InputError(
                 f"the campaign has no run `{run}`; it has {self.plan.total}, each by the name of "

@@ -19,7 +19,7 @@ from robovast.campaign.run_record import RunRecord, parse_run_record
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL
 from robovast_cli.kube.api import Json, Kubernetes
-from robovast_cli.kube.planned_runs import PlannedRuns, planned_runs
+from robovast_cli.kube.planned_runs import PlannedRuns, planned_runs, split_run
 from robovast_cli.kube.pods import is_live
 from robovast_cli.kube.status import CampaignState
 from robovast_cli.kube.store import StorePlace, open_store
@@ -105,6 +105,7 @@ class CampaignRuns:
             InputError: the campaign has no such run.
         """
         if self.planned is None:
+            _refuse_no_folder(run)
             return None
         id_ = self.planned.id_of(run)
         return next((found for found in self.executors() if id_ in found.ids), None)
@@ -178,3 +179,17 @@ class CampaignRuns:
             target = Path(folder) / "log"
             self._store.get_file(self._bucket, there[prefix + path], target)
             yield target
+
+
+def _refuse_no_folder(run: str) -> None:
+    """Refuse what no run can be called, where nobody knows which runs there are.
+
+    Raises:
+        InputError: it is no folder of a run.
+    """
+    try:
+        split_run(run)
+    except ValueError:
+        raise InputError(
+            f"`{run}` is no run: each has the name of its folder, as `hall-1/0`."
+        ) from None

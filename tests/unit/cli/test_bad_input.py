@@ -281,6 +281,8 @@ BAD = [
     (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),
     (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
     (["exec", "cluster", "run", "-x", "lab"], 3, "there is no context `lab` in your kubeconfig"),
+    (["exec", "cluster", "runs", "-n", "a/../b"], 2, "`a/../b` is no name of a namespace"),
+    (["exec", "cluster", "retry", "-n", "a?b=1"], 2, "`a?b=1` is no name of a namespace"),
     (["exec", "cluster", "run", "--dry-run", "--queue", "Q_Q"], 2, "queue_name: must match"),
     (["config", "export-configs", "none"], 2, "There are 7, for example sweep, fixed, sweep-1-1"),
 ]

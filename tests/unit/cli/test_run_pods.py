@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
 
+from robovast.base.errors import InputError
 from robovast_cli.kube.pods import has_begun, is_prepared, waiting_reason
+from robovast_cli.kube.runs import CampaignRuns
+from robovast_cli.kube.store import StorePlace
 
 RUNNING = {"running": {"startedAt": "2026-11-21T08:00:00Z"}}
 DONE = {"terminated": {"exitCode": 0}}
@@ -66,3 +70,15 @@ def test_a_container_that_cannot_be_started_has_no_log_and_the_pod_says_why() ->
         "cannot start its container robovast: memory limit too low"
     )
     assert has_begun(pod(True, RUNNING, DONE), "robovast")
+
+
+@pytest.mark.parametrize(
+    "run", ["../x/0", "x", "", "/0", "../0", "x/../0", "x/ 0", "x/+0", "x/٣", "x\udcff/0", "x\n/0"]
+)
+def test_of_a_campaign_that_was_removed_nothing_but_runs_is_looked_for(run: str) -> None:
+    kube: Any = None
+    with ExitStack() as stack:
+        runs = CampaignRuns(kube, None, "bucket", StorePlace("http://s3"), stack)
+        with pytest.raises(InputError, match="is no run: each has the name of its folder"):
+            runs.executor(run)
+        assert runs.executor("hall-1/0") is None
