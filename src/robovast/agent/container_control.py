@@ -53,7 +53,14 @@ class RunContainer:
         safe_paths.create_file(self._answers / "lock", self._out).close()
 
     def run(self, job: int) -> None:
-        """Order job 1, 2, …; its inputs must be in place."""
+        """Order job 1, 2, …; its inputs must be in place.
+
+        Answers that are there before are of other jobs, or of the image: they would end this one.
+        """
+        for name in safe_paths.names(self._answers, self._out):
+            if name.startswith(f"{job}."):
+                with suppress(OSError):  # another user's folder
+                    safe_paths.remove(self._answers / name, self._out)
         _rewrite(self._orders / "order", f"run {job}")
 
     def stop(self, job: int) -> None:

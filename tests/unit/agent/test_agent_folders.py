@@ -54,6 +54,20 @@ def prepared(folders: Folders) -> RunContainer:
     return container
 
 
+def test_what_an_earlier_job_answered_for_one_that_was_not_ordered_is_no_answer(
+    folders: Folders,
+) -> None:
+    container = prepared(folders)
+    for lie in ("2.code.0", "2.started.1.1", "2.oom", "2.over.sim"):
+        (folders.answers / lie).touch()
+    (folders.answers / "12.code.0").touch()
+    container.run(2)
+    assert (container.exit_code(2), container.started(2)) == (None, None)
+    assert not container.lacked_memory(2)
+    assert not container.all_over(2, ["sim"])
+    assert container.exit_code(12) == 0
+
+
 def test_a_pack_is_read_as_it_was_written(tmp_path: Path) -> None:
     odd = Variant("v", "v", {"x": math.inf, "y": [1, {"z": None}], "ü": True})
     owner = Owner(uid="u", namespace="n", name="c", campaign="c-1")
