@@ -255,7 +255,7 @@ def team(argo: ArgoCd, tmp_path: Path) -> Team:
 
 def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> None:
     team.commit(hello=documented("hello"))
-    assert team.shows("hello", "Healthy") == "4 of 4 runs passed; needed are 1 of all"
+    assert team.shows("hello", "Healthy") == "4 of 4 runs passed; needed: all"
     team.becomes("Synced", "Healthy")
     query = "--output=jsonpath={.items[*].message}"
     events = team.argo.cluster.kubectl("get", "events", f"--namespace={argocd.NAMESPACE}", query)
@@ -289,7 +289,7 @@ def test_another_version_in_git_is_the_same_campaign(team: Team) -> None:
     jobs, before = team.jobs(), status(team.argo.cluster, team.name, "hello")
     hello["spec"]["acceptance"] = {"minPassRatio": "0.5"}
     team.commit(hello=as_version(hello, NEWER))
-    eventually(lambda: "needed are 0.5" in team.health("hello").get("message", ""), 60)
+    eventually(lambda: "needed: a share of 0.5" in team.health("hello").get("message", ""), 60)
     team.becomes("Synced", "Healthy")
     team.commit(hello=as_version(hello, OLDER))
     team.becomes("Synced", "Healthy")

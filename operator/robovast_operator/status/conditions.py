@@ -155,7 +155,8 @@ def _passed(snapshot: Snapshot, runs: Runs) -> Found:
     least = snapshot.accepted.spec.acceptance.min_pass_ratio
     bad = runs.failed + runs.errored
     needed = float(least) * runs.needed
-    told = f"{runs.passed} of {runs.needed} runs passed; needed are {least} of all"
+    share = "all" if float(least) == 1 else f"a share of {least}"
+    told = f"{runs.passed} of {runs.needed} runs passed; needed: {share}"
     if runs.needed and runs.needed - bad < needed - 1e-9:
         return ("Passed", "False", "TooManyBadRuns", told)
     if snapshot.given_up is not None:

@@ -109,7 +109,7 @@ def test_results_that_could_not_be_worked_up_are_told_beside_the_verdict() -> No
     assert found is not None
     sent = notice(Identity.of(campaign()), status, found, world.now)
     assert (sent.verdict, sent.reason) == ("Passed", "Accepted")
-    assert sent.message.endswith("of all\nnot worked up: no memory")
+    assert sent.message.endswith("needed: all\nnot worked up: no memory")
 
 
 def test_a_repetition_and_further_runs_end_once_more() -> None:
