@@ -12,7 +12,7 @@ from robovast.kubeapi.pod_contract.exit_codes import NEVER_STARTED, AgentExit
 from robovast.kubeapi.pod_contract.messages import error_in
 from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH, INDEX_ANNOTATION, RUN
 from robovast.kubeapi.pod_contract.sightings import Sightings
-from robovast_operator.kube.lenient import LARGEST, mapping, number, ranges, text
+from robovast_operator.kube.lenient import LARGEST, mapping, mappings, number, ranges, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
@@ -94,6 +94,12 @@ def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
     return min(troubles, key=lambda t: order.get(t.reason, len(order)), default=None)
 
 
+_ROOM = (
+    "Compare what the nodes have (`kubectl describe nodes`) with what a pod asks for: "
+    "`execution.resources` and `execution.kubernetes` of the document, and `spec.scheduling`."
+)
+
+
 def troubles_of(pod: Object) -> Iterator[Trouble]:
     """The causes that hinder a pod, or ended it."""
     status: Object = pod.get("status") or {}
@@ -104,11 +110,12 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
         yield Trouble(reason, message + text(status.get("message")))
     for condition in status.get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
-            yield Trouble("Unschedulable", f"no node for the pod: {condition.get('message', '')}")
+            told = f"no node for the pod: {condition.get('message', '')}"
+            yield Trouble("Unschedulable", f"{told.rstrip('. ')}. {_ROOM}")
     for container in containers_of(pod):
         waiting = (container.get("state") or {}).get("waiting") or {}
         if waiting.get("reason") in _WAITING:
-            yield Trouble(_WAITING[waiting["reason"]], _waiting_message(container, waiting))
+            yield Trouble(_WAITING[waiting["reason"]], _waiting_message(pod, container, waiting))
         ended = (container.get("state") or {}).get("terminated") or {}
         trouble = _ending(container, ended) if ended else None
         if trouble is not None:
@@ -156,16 +163,27 @@ _FINAL = frozenset(
 )
 
 
-def _waiting_message(container: Object, waiting: Object) -> str:
-    name, image = container["name"], container.get("image", "")
-    told = waiting.get("message", "")
+def _waiting_message(pod: Object, container: Object, waiting: Object) -> str:
+    name, told = container["name"], waiting.get("message", "")
     if _WAITING[waiting["reason"]] == "ImagePull":
+        assets = next((image for image in _mounted_images(pod) if f'"{image}"' in told), None)
+        image = (
+            f"the image {assets} of `execution.kubernetes.assets`"
+            if assets
+            else f"the image {container.get('image', '')} of the container {name}"
+        )
         return (
-            f"the image {image} of the container {name} cannot be pulled ({waiting['reason']}): "
-            f"{told.rstrip('. ')}. Check its name, and `spec.scheduling.imagePullSecrets` for a "
-            "private one."
+            f"{image} cannot be pulled ({waiting['reason']}): {told.rstrip('. ')}. Check its name, "
+            "and `spec.scheduling.imagePullSecrets` for a private one."
         )
     return f"the container {name} cannot start ({waiting['reason']}): {told}"
+
+
+def _mounted_images(pod: Object) -> Iterator[str]:
+    """Images that are mounted as volumes; a container that mounts one waits for it, too."""
+    for volume in mappings(pod["spec"].get("volumes")):
+        if reference := text(mapping(volume.get("image")).get("reference")):
+            yield reference
 
 
 def containers_of(pod: Object) -> Iterator[Object]:

@@ -20,7 +20,7 @@ from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import PodsCache
 from robovast_operator.pods.findings import Trouble
-from robovast_operator.pods.pod_status import trouble_of_events
+from robovast_operator.pods.pod_status import trouble_of_events, troubles_of
 from robovast_operator.pods.stalls import cause_of, unseen_cause
 from robovast_operator.pods.tries import NO_WORD
 
@@ -326,6 +326,23 @@ def test_the_index_waits_for_agents_whose_jobs_are_gone(
         known.motion.moved -= seconds
         assert asyncio.run(diagnosis.hold_back(identity, known)) == storing
         assert (known.trouble is not None) == told
+
+
+def test_an_image_of_assets_that_cannot_be_pulled_is_named_in_place_of_the_runs() -> None:
+    said = waits("ImagePullBackOff", 'Back-off pulling image "lab/worlds:1"')
+    found = pod("Pending", robovast=said)
+    volumes = [{"name": "work", "emptyDir": {}}, {"image": {"reference": "lab/worlds:1"}}]
+    found["spec"]["volumes"] = volumes
+    (trouble,) = troubles_of(found)
+    assert trouble.message.startswith("the image lab/worlds:1 of `execution.kubernetes.assets`")
+    found["spec"]["volumes"] = volumes[:1]
+    (trouble,) = troubles_of(found)
+    assert trouble.message.startswith("the image runs:1 of the container robovast cannot")
+
+
+def test_a_pod_without_a_node_says_where_to_look() -> None:
+    (trouble,) = troubles_of(pod("Pending", NO_ROOM))
+    assert "0/3 nodes are available. Compare what the nodes have" in trouble.message
 
 
 def test_a_stall_neither_flaps_nor_stays() -> None:
