@@ -205,6 +205,13 @@ def test_a_secret_with_a_value_that_is_no_text_ends_it_with_its_name(stored: Sto
         assert (code, "KEYSTORE: the Secret that describes the share has" in message) == (65, True)
 
 
+def test_without_a_secret_it_ends_with_what_is_to_be_made(stored: Stored) -> None:
+    (stored.mounts / "share").mkdir()
+    code, _, message = stored.upload()
+    assert code == 65
+    assert "the Secret that `spec.share` names is not in the campaign's namespace" in message
+
+
 @pytest.fixture
 def shared_folder(stored: Stored, tmp_path: Path) -> Path:
     """A share of a third party's provider, whose file is in the Secret."""

@@ -68,6 +68,11 @@ def _open(folder: Path) -> Share:
     """
     paths = [path for path in folder.iterdir() if path.name.isidentifier() and path.is_file()]
     variables = {path.name: _text(path) for path in paths}
+    if not variables:
+        raise InputError(
+            "the Secret that `spec.share` names is not in the campaign's namespace, or is empty; "
+            f"it has {SHARE_TYPE} and what else describes the share."
+        )
     if SHARE_TYPE not in variables:
         raise InputError(f"{folder}: the Secret that describes the share has no {SHARE_TYPE}.")
     os.environ.update(variables)
