@@ -146,8 +146,11 @@ def disk(value: Any, context: str, most: str) -> int | None:
     found = memory(value, key, context)
     limit = memory(most, "agent.diskLimit") if most else None
     if found is not None and (found <= 0 or found > (limit or found)):
-        allowed = f" and no more than {most}, which this installation allows" if most else ""
-        raise InputError(f"{key}: a pod's disk must be more than nothing{allowed}.")
+        allowed = (
+            f" and no more than {most}, which this installation allows; whoever keeps the cluster "
+            "can raise that (`agent.diskLimit` of the chart)"
+        )
+        raise InputError(f"{key}: a pod's disk must be more than nothing{allowed if most else ''}.")
     return found
 
 

@@ -277,7 +277,8 @@ def test_a_document_says_how_much_disk_a_pod_needs_within_what_is_allowed() -> N
     assert containers(job)["agent"]["resources"]["requests"]["ephemeral-storage"] == amount
     refused = accept(obj, FILES, replace(SETTINGS, work_limit="5Gi"))
     assert isinstance(refused, Rejected)
-    assert "no more than 5Gi, which this installation allows" in refused.message
+    assert "no more than 5Gi, which this installation allows; whoever" in refused.message
+    assert "`agent.diskLimit`" in refused.message
 
 
 @pytest.mark.parametrize(
