@@ -7,7 +7,6 @@ is locked while it is written, so that leftovers of killed programs are recogniz
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import fcntl
 import os
@@ -269,6 +268,8 @@ def _replace_folder(source: Path, target: Path) -> None:
 
 def _exchange(one: Path, other: Path) -> None:
     """Exchange two paths atomically."""
+    import ctypes  # whose import costs more than all else of this module
+
     rename = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
     if rename is None:
         raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))

@@ -10,12 +10,6 @@ import signal
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from robovast.campaign.reasons import (
-    error_of_contract,
-    explain_error,
-    explain_failure,
-    lines_of_run,
-)
 from robovast.campaign.verdict import TestResult, Verdict
 
 
@@ -55,7 +49,19 @@ def judge(
         return TestResult(Verdict.ERRORED, reason, result.started_at, None)
     if ending.interrupted and result.verdict is not Verdict.PASSED:
         return TestResult(Verdict.INTERRUPTED, "stopped by the user", result.started_at, None)
-    if ending.lacked_memory and result.verdict is not Verdict.PASSED:
+    return result if result.verdict is Verdict.PASSED else _explained(result, ending, log, run)
+
+
+def _explained(result: TestResult, ending: Ending, log: bytes, run: str) -> TestResult:
+    """The result of a run that did not pass, with its reason; see `judge`."""
+    from robovast.campaign.reasons import (  # which a run that passed does without
+        error_of_contract,
+        explain_error,
+        explain_failure,
+        lines_of_run,
+    )
+
+    if ending.lacked_memory:
         result = replace(result, reason=f"{result.reason}; {_LACKED_MEMORY}", explained=True)
     if result.verdict is Verdict.FAILED:
         lines = lines_of_run(log, result.started_at, run)

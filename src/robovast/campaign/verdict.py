@@ -11,7 +11,6 @@ from pathlib import Path
 
 from robovast.base.safe_paths import read_text
 from robovast.campaign.layout import TEST_RESULT
-from robovast.campaign.reasons import is_command, plain
 
 
 class Verdict(StrEnum):
@@ -219,6 +218,8 @@ class _Report:
         return TestResult(Verdict.PASSED, "", self._started_at, duration)
 
     def _failure(self) -> TestResult:
+        from robovast.campaign.reasons import plain  # which a run that passed does without
+
         told = [self._failures[name] for name in ("failure", "error") if name in self._failures]
         message, text = next(iter([*told, *self._failures.values()]), ("", []))
         if message == _PARSING_FAILED:
@@ -273,6 +274,8 @@ _TREE = ("-^-", "[", "{", "-->", "/_/")
 
 def _failed(message: str, text: str) -> TestResult:
     """A failure, by the action that failed in a printed behaviour tree, or else its first line."""
+    from robovast.campaign.reasons import is_command, plain
+
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     action, said = _failed_action([node for node in map(_NODE.fullmatch, lines) if node])
     if not action:

@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from robovast.base.docstrings import WITHOUT
+from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 
 START = """\
 import sys
@@ -61,13 +63,33 @@ def test_no_model_is_built_before_it_is_needed() -> None:
     assert said.stdout == "[]\n"
 
 
+def imported_by(*arguments: str, code: int) -> set[str]:
+    """What a program of ours imports, with the process that prepares runs, if it gets there."""
+    command = [sys.executable, "-X", "importtime", "-m", "robovast.agent", "agent", *arguments]
+    told = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert told.returncode == code, told.stderr
+    return {line.rpartition("|")[2].strip() for line in told.stderr.splitlines()}
+
+
 def test_the_agent_imports_neither_documents_nor_what_of_minio_is_for_administrators() -> None:
     """A document is read by a process of its own, before the runs."""
-    command = [sys.executable, "-X", "importtime", "-m", "robovast.agent", "agent", "--help"]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    imported = {line.rpartition("|")[2].strip() for line in told.stderr.splitlines()}
+    imported = imported_by("--help", code=0)
     assert "minio.api" in imported
     assert not {name for name in imported if name.startswith("robovast.model.document")}
     assert {name.partition(".")[0] for name in imported}.isdisjoint(
-        {"Crypto", "argon2", "cffi", "configparser", "tarfile", "yaml"}
+        {"Crypto", "argon2", "cffi", "configparser", "tarfile", "yaml", "zipfile"}
+    )
+
+
+def test_a_pod_imports_nothing_for_what_its_campaign_does_not_ask(tmp_path: Path) -> None:
+    """Neither for a search, reused runs, archives and plugins, nor to say why a run failed."""
+    folders = ("--plan=/nowhere", "--message=/nowhere", f"--work={tmp_path}")
+    imported = imported_by(*folders, code=AgentExit.BAD_PLAN)
+    assert {"robovast.agent.campaign", "robovast.model.expansion"} <= imported
+    assert imported.isdisjoint(
+        {
+            *("robovast.model.document.search.checks", "robovast.agent.reuse"),
+            *("robovast.campaign.reasons", "importlib.metadata", "backports.zstd"),
+            *("ctypes", "difflib", "statistics", "tarfile", "zipfile"),
+        }
     )
