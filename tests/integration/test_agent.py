@@ -837,7 +837,7 @@ def test_storage_that_takes_nothing_is_noticed_before_anything_is_executed(
         pod = Pod(campaign)
         assert pod.prepare() == code, pod.log("agent")
     assert answer[1] in pod.message_file.read_text()
-    assert (pod.work / "config/order").read_text().split() == ["end"], "nothing else was ordered"
+    assert pod.script.with_name("order").read_text().split() == ["end"], "nothing else was ordered"
 
 
 @one_server
