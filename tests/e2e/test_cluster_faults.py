@@ -80,7 +80,7 @@ def run_processes(lab: Lab) -> list[int]:
             status = (path.parent / "status").read_text()
             first = re.search(r"^NSpid:\t\d+\t1$", status, re.MULTILINE)
             command = (path.parent / "cmdline").read_bytes()
-            if mine and first and command.startswith(b"bash\0/config/.robovast/start.sh\0"):
+            if mine and first and command.startswith(b"bash\0-p\0/config/.robovast/start.sh\0"):
                 found.append(int(path.parent.name))
     return found
 

@@ -144,7 +144,7 @@ def kill_run(arena: Arena, chance: Random) -> None:
 
 
 def _is_start(command: Sequence[str]) -> bool:
-    return tuple(command[:2]) == ("bash", "/config/.robovast/start.sh")
+    return tuple(command[:3]) == ("bash", "-p", "/config/.robovast/start.sh")
 
 
 def _is_first(process: Process) -> bool:
