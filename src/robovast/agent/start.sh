@@ -17,6 +17,7 @@
 #
 # Exit code: 0. How a job ended is the agent's to tell.
 
+unset CONTAINER_NAME # by it a pre command tells where it is
 image=$(export -p) # what a run is to find, whatever we call our variables
 
 name=$1
@@ -93,7 +94,6 @@ enter_job() {
     # shellcheck source=/dev/null
     source "$1/environment.sh"
     cd "$ROBOVAST_OUT_DIR" || exit
-    unset CONTAINER_NAME # by it a pre command tells where it is
     [[ $2 ]] || exec bash "${1%/*}/entrypoint.sh"
     export CONTAINER_NAME=$2 ROS_LOG_DIR=$OUTPUT_DIR/logs/$2
     exec bash "${1%/*}/secondary_entrypoint.sh"

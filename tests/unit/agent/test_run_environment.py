@@ -17,7 +17,7 @@ from robovast.agent.mounts import Folders
 from robovast.agent.scripts import AWAIT, SHELL, START
 from robovast.execution.generate import copy_file
 
-TOLD = 'printf "%s " "${0##*/}"; env -0 | sort -z | tr "\\0" "\\n"'
+TOLD = 'env -0 | sort -z | tr "\\0" "\\n"'
 NAMES = sorted(set(re.findall(r"\b[a-z]\w*\b", AWAIT.read_text() + START.read_text())))
 """Every word of the scripts, among them the names of their variables and of what they call."""
 
@@ -27,7 +27,9 @@ def folders(tmp_path: Path) -> Folders:
     return Folders(work=tmp_path)
 
 
-def executed(folders: Folders, image: Mapping[str, str], job: Mapping[str, str]) -> list[str]:
+def executed(
+    folders: Folders, image: Mapping[str, str], job: Mapping[str, str], *names: str
+) -> list[str]:
     """What the entrypoints find of two jobs in one container."""
     found, container = [], RunContainer(folders)
     container.begin()
@@ -35,7 +37,7 @@ def executed(folders: Folders, image: Mapping[str, str], job: Mapping[str, str])
     for name in ("entrypoint.sh", "secondary_entrypoint.sh"):
         (folders.config / name).write_text(f"{{ {TOLD}; }} >$OUTPUT_DIR\n")
     process = subprocess.Popen(
-        [*SHELL, "-c", AWAIT.read_text(), str(folders.orders / START.name)],
+        [*SHELL, "-c", AWAIT.read_text(), str(folders.orders / START.name), *names],
         env={**os.environ, **image},
     )
     try:
@@ -45,7 +47,13 @@ def executed(folders: Folders, image: Mapping[str, str], job: Mapping[str, str])
             write_environment(folders, variables)
             container.run(number)
             copy_file(START, folders.orders / START.name)
-            eventually(lambda number=number: container.exit_code(number) is not None)
+            eventually(
+                lambda number=number: (
+                    container.all_over(number, names)
+                    if names
+                    else container.exit_code(number) is not None
+                )
+            )
             found.append(told.read_text())
         container.end()
         assert process.wait(PATIENCE) == 0
@@ -55,13 +63,17 @@ def executed(folders: Folders, image: Mapping[str, str], job: Mapping[str, str])
     return found
 
 
-def test_a_run_finds_what_its_image_and_its_document_say(folders: Folders) -> None:
+@pytest.mark.parametrize("names", [(), ("nav",)], ids=["main", "secondary"])
+def test_a_run_finds_what_its_image_and_its_document_say(
+    folders: Folders, names: tuple[str, ...]
+) -> None:
     image = dict.fromkeys(NAMES, "the image's")
     job = dict.fromkeys(NAMES[::2], "the document's")
-    for told in executed(folders, image, job):
-        assert told.startswith("entrypoint.sh ")
+    for told in executed(folders, {**image, "CONTAINER_NAME": "the image's"}, job, *names):
         lines = set(told.splitlines())
         assert {f"{name}={value}" for name, value in {**image, **job}.items()} - lines == set()
+        called = {line for line in lines if line.startswith("CONTAINER_NAME=")}
+        assert called == {f"CONTAINER_NAME={name}" for name in names}, "by it one knows where it is"
 
 
 def test_what_an_image_makes_of_a_shell_keeps_no_run_from_being_executed(folders: Folders) -> None:
