@@ -7,6 +7,7 @@ from pathlib import Path
 import yaml
 from support.kube.fake_cluster import SETTINGS
 
+from robovast.kubeapi.resources import ConfigurationSpec
 from robovast.kubeapi.source_files import inline_files
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted
@@ -17,7 +18,7 @@ PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
 def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
     blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
     shown = [yaml.safe_load(block.partition("```")[0]) for block in blocks]
-    obj, _source, needing, placed, reading, notifying, sharing = shown
+    obj, _source, adding, needing, placed, reading, notifying, sharing = shown
     obj["spec"] |= {**placed["spec"], **notifying["spec"], **sharing["spec"]}
     kubernetes = {**needing["execution"]["kubernetes"], **reading["execution"]["kubernetes"]}
     given = {**needing["execution"], **reading["execution"], "kubernetes": kubernetes}
@@ -31,4 +32,5 @@ def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
     assert isinstance(made, Accepted), made
     assert [(entry.name, entry.variants) for entry in made.entries] == [("greeting", 2)]
     assert made.runs == 2
+    assert ConfigurationSpec.model_validate(adding["spec"]).campaign == obj["metadata"]["name"]
     assert [told.kind for told in made.spec.notifications] == ["ntfy", "webhook"]
