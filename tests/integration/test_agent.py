@@ -576,6 +576,13 @@ def test_when_the_process_that_prepares_is_killed_another_pod_is_made(make: Make
     assert Pod(campaign).run() == 0
 
 
+def is_caught(pid: int, number: int) -> bool:
+    """Whether a process handles a signal; one that has just begun does not yet."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    (mask,) = re.findall(r"^SigCgt:\s*(\w+)$", status, re.MULTILINE)
+    return bool(int(mask, 16) >> (number - 1) & 1)
+
+
 @one_server
 @pytest.mark.parametrize("moment", ["before", "while", "when"])
 def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, moment: str) -> None:
@@ -587,6 +594,7 @@ def test_an_agent_that_is_killed_before_its_runs_costs_nothing(make: Make, momen
         agent = pod.command("agent")
         agent.kill()  # at once: to look for all of its processes may take longer than its runs
         pod.kill(agent)
+        eventually(lambda: is_caught(container.pid, signal.SIGTERM))
         container.terminate()  # as it does itself after ten minutes
     elif moment == "while":
         with preparing(campaign) as begun:
