@@ -132,7 +132,7 @@ def evenly(packs: int, most: int | None = None) -> list[Span]:
     if packs <= most:
         return [(0, packs)]
     wanted = min(-(-packs // most), SHARDS)
-    count = -(-wanted // WINDOW) * WINDOW
+    count = min(-(-wanted // WINDOW) * WINDOW, packs)  # no Job is without a pack
     bounds = [packs * number // count for number in range(count + 1)]
     return [(a, b - a) for a, b in pairwise(bounds)]
 

@@ -185,6 +185,13 @@ def test_measured_packs_share_the_pods_too() -> None:
     assert sorted(world.executed) == list(range(120))
 
 
+@given(st.integers(1, 3000), st.integers(1, 600))
+def test_every_job_has_a_pack_and_every_pack_one_job(packs: int, most: int) -> None:
+    found = shards_module.evenly(packs, most)
+    assert [pack for first, size in found for pack in range(first, first + size)] == [*range(packs)]
+    assert all(size > 0 for _, size in found)
+
+
 def test_jobs_of_a_limited_campaign_are_small_and_stay_as_they_are_planned() -> None:
     """Others wait for a Job to end; another limit changes no Job that is planned."""
     files = {"scenario.osc": SCENARIO.encode()}
