@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from robovast.kubeapi.resources import SHARD_ROLE
-from robovast_operator.kube.lenient import mapping, number, text
+from robovast_operator.kube.lenient import mapping, mappings, number, text
 from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.turns import OTHERS
@@ -52,6 +52,12 @@ class Claim:
 
     wanted: int
     has: int
+    stalled: bool = False
+
+    @property
+    def stuck(self) -> bool:
+        """Whether it takes none until somebody helps it: nobody waits for that."""
+        return self.stalled and not self.has
 
 
 def pod_limit(limits: Mapping[str, int], store: Store, own: Identity) -> PodLimit | None:
@@ -69,7 +75,7 @@ def pod_limit(limits: Mapping[str, int], store: Store, own: Identity) -> PodLimi
     if own.key not in claims:
         return None
     others = sum(claim.has for key, claim in claims.items() if key != own.key)
-    wanted = [claim.wanted for claim in claims.values()]
+    wanted = [0 if c.stuck and key != own.key else c.wanted for key, c in claims.items()]
     share = shares(most, wanted)[list(claims).index(own.key)]
     return PodLimit(
         most,
@@ -113,12 +119,17 @@ def _claims(store: Store, namespace: str) -> dict[Key, Claim]:
         identity = Identity.of(obj)
         if mapping(obj.get("spec")).get("queueName") is None:
             jobs = store.jobs_of(identity.key, identity.uid).values()
-            found[identity.key] = Claim(_wanted(obj), sum(map(_pods, jobs)))
+            found[identity.key] = Claim(_wanted(obj), sum(map(_pods, jobs)), _is_stalled(obj))
     return found
 
 
 def _waits(obj: Object) -> bool:
     return text(mapping(obj.get("status")).get("state")) == "Queued"
+
+
+def _is_stalled(obj: Object) -> bool:
+    found = mappings(mapping(obj.get("status")).get("conditions"))
+    return any(c.get("type") == "Stalled" and c.get("status") == "True" for c in found)
 
 
 def _age(obj: Object) -> tuple[str, str]:

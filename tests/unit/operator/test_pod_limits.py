@@ -97,6 +97,20 @@ def test_who_needs_no_pods_leaves_them_to_others(
     assert own(store, one) == (8, False)
 
 
+@pytest.mark.parametrize("state", ["", "Pending"])
+def test_who_can_take_none_until_somebody_helps_leaves_them_to_others(state: str) -> None:
+    """Such as one whose Jobs the API server refuses; it may have its share as soon as it can."""
+    stalled = {"type": "Stalled", "status": "True", "reason": "Refused", "message": ""}
+    store = Store()
+    broken = put(store, "broken", 1, {"state": state, "conditions": [stalled]})
+    one = put(store, "one", 2, RUNNING)
+    assert own(store, one, 1) == (1, False)
+    assert own(store, one) == (8, False)
+    assert own(store, broken) == (4, False)
+    put_job(store, broken, 2)
+    assert own(store, one) == (4, False), "it has some"
+
+
 def test_each_namespace_has_a_limit_of_its_own_or_that_of_all_others() -> None:
     store = Store()
     one = put(store, "one", 1, RUNNING)
