@@ -1,7 +1,8 @@
 """Merges campaigns: runs of equal configurations are collected and numbered anew.
 
-Configurations are equal if their `config_identifier` is. Jobs keep their names, in a subfolder
-named after their campaign: `_jobs/<campaign>/job-N`.
+Configurations are equal if their `config_identifier` is; in parts of one campaign, if their name
+is, since a document may have several that differ in nothing else. Jobs keep their names, in a
+subfolder named after their campaign: `_jobs/<campaign>/job-N`.
 """
 
 from __future__ import annotations
@@ -62,7 +63,9 @@ class _Part:
         return f"{self.campaign.root.name}/{self.name}"
 
 
-def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
+def merge_campaigns(
+    campaigns: Sequence[Path], target: Path, *, by_name: bool = False
+) -> MergeResult:
     """Copy the runs of several campaigns into a new one; the originals do not change.
 
     Files made from all runs together (metadata, provenance, tables) are not copied and must be
@@ -71,6 +74,7 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
     Args:
         campaigns: their folders; `_config` and `_execution` are taken from the last.
         target: folder of the new campaign; it appears when it is complete.
+        by_name: they are parts of one campaign, in which each configuration has its own name.
 
     Raises:
         InputError: there is nothing to merge, two campaigns have one name, or runs would occur
@@ -79,7 +83,7 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
     """
     _check(campaigns)
     parts = [part for campaign in campaigns for part in _parts(Layout(campaign))]
-    merged = _named(_grouped(parts))
+    merged = _named(_grouped(parts, by_name=by_name))
     with appearing_folder(target) as folder:
         layout = Layout(folder)
         _copy(Layout(campaigns[-1]).config, layout.config)
@@ -92,7 +96,7 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
             _copy(first.campaign.variant_config(first.name), layout.variant_config(name))
             runs.copy(name, group)
         _write_records(layout, [Layout(path) for path in campaigns], merged, runs)
-    unidentified = tuple(part.path for part in parts if part.identifier is None)
+    unidentified = tuple(p.path for p in parts if p.identifier is None and not by_name)
     return MergeResult(target, len(merged), runs.number, tuple(runs.left_out), unidentified)
 
 
@@ -166,10 +170,11 @@ def _parts(layout: Layout) -> Iterator[_Part]:
             yield _Part(layout, folder.name, identity.get("config_identifier"))
 
 
-def _grouped(parts: Sequence[_Part]) -> list[list[_Part]]:
+def _grouped(parts: Sequence[_Part], *, by_name: bool) -> list[list[_Part]]:
     groups: dict[str, list[_Part]] = {}
     for part in parts:
-        groups.setdefault(part.identifier or part.path, []).append(part)
+        key = part.name if by_name else part.identifier or part.path
+        groups.setdefault(key, []).append(part)
     return list(groups.values())
 
 

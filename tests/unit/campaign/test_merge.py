@@ -91,6 +91,18 @@ def test_runs_of_equal_configurations_come_together(tmp_path: Path) -> None:
     assert after == before, "the campaigns were changed"
 
 
+def test_of_parts_of_one_campaign_each_configuration_stays_one(tmp_path: Path) -> None:
+    """Two configurations of a document may differ in nothing but their name."""
+    first = make_campaign(tmp_path, FIRST, {"slow": "A", "old": None}, 2)
+    second = make_campaign(tmp_path, SECOND, {"slow-too": "A"}, 2)
+    result = merge_campaigns([first, second], tmp_path / "merged", by_name=True)
+    assert (result.configurations, result.runs, result.unidentified) == (3, 6, ())
+    runs = {f"{p.parent.parent.name}/{p.parent.name}" for p in result.target.glob("*/*/out*")}
+    assert runs == {f"{name}/{n}" for name in ("old", "slow", "slow-too") for n in (0, 1)}
+    for name, origin in (("slow", FIRST), ("slow-too", SECOND)):
+        assert (result.target / name / "1" / "out.csv").read_text() == f"{origin} {name} 1"
+
+
 def test_that_runs_were_added_to_one_of_them_stays_known(tmp_path: Path) -> None:
     for number, added in enumerate(("", "runs_added: true\n", "more_runs: {hall: 3}\n")):
         results = tmp_path / str(number)

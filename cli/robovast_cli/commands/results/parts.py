@@ -64,7 +64,7 @@ def _download_divided(
     if going:
         say(f"{', '.join(going)} has not ended; repeat the command then: it merges the parts.")
         return
-    merge(folders, target, "part")
+    merge(folders, target, "part", by_name=True)
     shutil.rmtree(place)
 
 
