@@ -64,8 +64,11 @@ def check_distinct(contexts: Sequence[str]) -> None:
 
 def part_name(name: str, number: int, of: int) -> str:
     """Name of a part's Campaign: that of the campaign when there is no other."""
-    mark = f"-{number}of{of}"
-    return f"{name[: CAMPAIGN_NAME_LIMIT - len(mark)].rstrip('-')}{mark}" if of > 1 else name
+    if of == 1:
+        return name
+    words, _, unique = name.rpartition("-")  # what is cut off is not what makes it unique
+    mark = f"{unique}-{number}of{of}"
+    return f"{words[: CAMPAIGN_NAME_LIMIT - len(mark) - 1].rstrip('-')}-{mark}".strip("-")
 
 
 def parts_named(name: str, of: int, known: Iterable[CampaignState]) -> Iterator[CampaignState]:
