@@ -33,7 +33,8 @@ from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 from robovast_cli.commands.exec.cluster import run as cluster_run
 from robovast_cli.commands.exec.cluster import share_jobs
-from robovast_cli.kube.api import connect
+from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api_errors import UnreachableError
 from robovast_cli.main import command
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted
@@ -621,6 +622,40 @@ def secret(name: str, namespace: str, server: Server, **more: str) -> dict[str, 
         "metadata": {"name": name, "namespace": namespace},
         "data": {key: base64.b64encode(value.encode()).decode() for key, value in keys.items()},
     }
+
+
+@pytest.fixture
+def contexts(vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: Any) -> list[str]:
+    """Options that name two contexts, `a` and `b`, which are of one cluster."""
+    config = json.loads(known_cluster.kubeconfig.read_text())
+    (known,) = config["contexts"]
+    config["contexts"] = [{**known, "name": name} for name in ("a", "b")]
+    path = tmp_path / "two.kubeconfig"
+    path.write_text(json.dumps(config))
+    monkeypatch.setenv("KUBECONFIG", str(path))
+    return ["-x", "a", "-x", "b"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), UnreachableError("no answer")])
+def test_no_part_is_left_behind_when_nobody_says_whether_the_last_was_created(
+    vast: Vast,
+    operator: Operator,
+    contexts: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+) -> None:
+    create, made = Kubernetes.create_campaign, []
+
+    def create_silently(kube: Kubernetes, campaign: dict[str, Any]) -> dict[str, Any]:
+        made.append(create(kube, campaign))
+        if len(made) > 1:
+            raise error
+        return made[-1]
+
+    monkeypatch.setattr(Kubernetes, "create_campaign", create_silently)
+    assert vast("run", "--detach", *contexts).code != 0
+    assert len(made) == 2
+    assert operator.names() == []
 
 
 PACK_LOG = "[robovast] job x\n[robovast] run {0}\nof the first\n[robovast] run {1}\nof the second\n"

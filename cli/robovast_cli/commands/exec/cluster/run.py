@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
 import time
@@ -14,7 +13,7 @@ from typing import Any, Literal
 import yaml
 
 from robovast.base.environment import environment
-from robovast.base.errors import CannotRunError, ExitCode
+from robovast.base.errors import CannotRunError, ExitCode, RobovastError
 from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
@@ -22,7 +21,7 @@ from robovast_cli.commands.exec.cluster import notifying, sharing
 from robovast_cli.commands.exec.cluster.parts import Part, divided, part_name, worst
 from robovast_cli.commands.exec.cluster.remove import remove_finished
 from robovast_cli.kube.api import Kubernetes, connect
-from robovast_cli.kube.api_errors import UnreachableError
+from robovast_cli.kube.api_errors import NotFoundError, UnreachableError
 from robovast_cli.kube.status import CampaignState
 from robovast_cli.kube.store import installed_place, open_store
 from robovast_cli.ui.cluster_view import follow_view
@@ -118,19 +117,33 @@ def _submitted(
         _prepared(kube, document, options, part_name(name, number, len(clusters)))
         for number, (kube, options) in enumerate(zip(clusters, wanted, strict=True), 1)
     ]
-    try:
-        for kube, submission in zip(clusters, submissions, strict=True):
+    for kube, submission in zip(clusters, submissions, strict=True):
+        campaign = notifying.with_notifications(submission.campaign, told)
+        campaign = sharing.with_share(campaign, shared)
+        try:
             if submission.archive:
                 _upload(kube, submission)
-            campaign = notifying.with_notifications(submission.campaign, told)
-            made = kube.create_campaign(sharing.with_share(campaign, shared))
-            parts.append(Part(kube, CampaignState(made)))
-    except BaseException:
-        for part in parts:
-            with contextlib.suppress(UnreachableError):
-                part.kube.delete_campaign(part.campaign.name)
-        raise
+            parts.append(Part(kube, CampaignState(kube.create_campaign(campaign))))
+        except BaseException as error:
+            refused = isinstance(error, RobovastError) and not isinstance(error, UnreachableError)
+            _take_back(parts if refused else [*parts, Part(kube, CampaignState(campaign))])
+            raise
     return parts
+
+
+def _take_back(parts: Sequence[Part]) -> None:
+    """Delete Campaigns, if they are there; say which may be left."""
+    for part in parts:
+        name, kube = part.campaign.name, part.kube
+        try:
+            kube.delete_campaign(name)
+        except NotFoundError:
+            continue
+        except RobovastError as error:
+            say(
+                f"The campaign {name} may be left behind in the namespace {kube.namespace}: {error}"
+                f" `vast exec cluster monitor --once --context {kube.context}` shows whether it is."
+            )
 
 
 def _prepared(
