@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from uuid import uuid4
 
@@ -27,6 +28,8 @@ from support.patience import PATIENCE, eventually
 from support.servers.shares import PASSWORD, USER, webdav_server
 
 from robovast.base.errors import InputError
+from robovast.campaign.run_record import RunRecord
+from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.source_files import inline_files
 from robovast.model.packs import PlanSpec, first_blocks
 from robovast.storage.endpoint import Credentials, Endpoint
@@ -656,6 +659,61 @@ def test_no_part_is_left_behind_when_nobody_says_whether_the_last_was_created(
     assert vast("run", "--detach", *contexts).code != 0
     assert len(made) == 2
     assert operator.names() == []
+
+
+def record_of(campaign: str, variant: str) -> bytes:
+    """The record of a run that has passed."""
+    texts = ("", "", "", 1.0, 0, 1, "job-1", "", "", "", "")
+    record = RunRecord(campaign, variant, variant, 0, 0, Verdict.PASSED, *texts)
+    with TemporaryDirectory() as folder:
+        record.write(Path(folder))
+        return (Path(folder) / "run.json").read_bytes()
+
+
+@one_make
+def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
+    vast: Vast,
+    operator: Operator,
+    contexts: list[str],
+    s3_server: Server,
+    known_cluster: Cluster,
+    namespace: str,
+    tmp_path: Path,
+) -> None:
+    credentials = Credentials(s3_server.access_key, s3_server.secret_key)
+    endpoint = f"http://{s3_server.endpoint}"
+    store = ObjectStore(Endpoint.parse(endpoint), credentials, patience=20)
+    known_cluster.apply(secret("robovast-storage", namespace, s3_server))
+    vast("run", "--detach", *contexts)
+    parts = sorted(operator.names())
+    name = parts[0].removesuffix("-1of2")
+    assert parts == [f"{name}-1of2", f"{name}-2of2"]
+    for part in parts:
+        store.make_bucket(part)
+        store.put_bytes(part, "_config/growth_sim.vast", b"")
+        hall = f"hall-{part[-4]}"
+        store.put_bytes(part, f"{hall}/_config/config.yaml", b"")
+        store.put_bytes(part, f"{hall}/0/test.xml", b"<testsuite/>")
+        store.put_bytes(part, f"{hall}/0/run.json", record_of(part, hall))
+        place = {"bucket": part, "campaign": f"{part}-2026-03-05-120000", "endpoint": endpoint}
+        operator.report(part, state="Finished", runs={"passed": 13}, **place)
+    home = ("download", "-i", name, "-o", "home")
+    outcome = vast(*home, "-x", "b", "-x", "a", group=("results",))
+    assert (outcome.code, outcome.err) == (0, "")
+    (merged,) = (tmp_path / "home").iterdir()
+    assert merged.name == f"{name}-2026-03-05-120000"
+    assert {run.parent.name for run in merged.glob("hall-*/0")} == {"hall-1", "hall-2"}
+    assert "already" in vast(*home, *contexts, group=("results",)).out
+
+    operator.report(parts[0], state="Finished", campaign="named-2026-03-05-120000")
+    vast("download", "-i", parts[0], "-o", "alone", "-x", "a", group=("results",))
+    refused = vast("download", "-i", name, "-o", "alone", *contexts, group=("results",))
+    assert refused.code == 2
+    assert (
+        f"alone/named-2026-03-05-120000 is there already, and is not all of {name}" in refused.err
+    )
+    for part in parts:
+        store.delete_bucket(part)
 
 
 PACK_LOG = "[robovast] job x\n[robovast] run {0}\nof the first\n[robovast] run {1}\nof the second\n"

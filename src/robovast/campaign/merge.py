@@ -117,7 +117,7 @@ def _check_origins(campaigns: Sequence[Path]) -> None:
     """Refuse to merge a merged campaign with one of its originals."""
     found: dict[str, str] = {}
     for path in campaigns:
-        for origin in _origins(Layout(path)):
+        for origin in origins(Layout(path)):
             if origin in found:
                 raise InputError(
                     f"{found[origin]} and {path.name} both contain the runs of {origin}, which "
@@ -152,7 +152,7 @@ def _mark(run: Path) -> tuple[object, ...] | None:
     return known if record.started_at else None
 
 
-def _origins(campaign: Layout) -> list[str]:
+def origins(campaign: Layout) -> list[str]:
     """Names of the original campaigns: of a merged one those in its record, else its own."""
     merged_from = _execution(campaign).get(MERGED_FROM)
     named = merged_from if isinstance(merged_from, list) else []
@@ -266,10 +266,10 @@ def _write_records(
     execution.pop(MORE_RUNS, None)  # of names of one of them
     if not all(is_fixed(_execution(campaign)) for campaign in campaigns):
         execution[ADDED] = True
-    origins = [origin for campaign in campaigns for origin in _origins(campaign)]
+    merged_from = [origin for campaign in campaigns for origin in origins(campaign)]
     layout.execution.mkdir()
     layout.execution_record.write_text(
-        dump_yaml({**execution, "runs": runs.most, MERGED_FROM: origins}), encoding="utf-8"
+        dump_yaml({**execution, "runs": runs.most, MERGED_FROM: merged_from}), encoding="utf-8"
     )
     layout.transient.mkdir()
     (layout.root / JOB_LINKS).write_text(dump_yaml(runs.jobs), encoding="utf-8")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from robovast.base.atomic import discard
 from robovast.base.errors import InputError
-from robovast_cli.commands.exec.cluster.parts import check_distinct, parts_named
+from robovast.campaign.layout import Layout
+from robovast.campaign.merge import origins
+from robovast_cli.commands.exec.cluster.parts import Part, check_distinct, part_name, parts_named
 from robovast_cli.commands.results.downloading import download_results, results_of
 from robovast_cli.commands.results.merging import merge
 from robovast_cli.kube.api import Kubernetes, connect
@@ -35,7 +37,8 @@ def download_parts(
         force: also download existing parts.
 
     Raises:
-        InputError: no campaign is named, or one context twice, or a cluster has no part of it.
+        InputError: no campaign is named, or one context twice, or a cluster has no part of it, or
+            its folder here has something else.
         StorageError: a part cannot be fetched, or written here.
     """
     check_distinct(contexts)
@@ -51,31 +54,63 @@ def _download_divided(
     place = output / f".{name}-parts"
     with ExitStack() as stack:
         clusters = [stack.enter_context(connect(context, namespace)) for context in contexts]
-        parts = [(kube, _part_in(kube, name, len(contexts))) for kube in clusters]
-        target = output / results_of(parts[0][1]).name
+        parts = _parts(clusters, name)
+        target = output / _merged_name(name, parts[0].campaign)
         if target.exists():
+            _check_whole(target, name, len(parts))
             say(f"{name} is in {shown(target)} already; remove that folder to fetch it again.")
             return
         folders = []
-        for kube, part in parts:
-            say(f"{part.name}, from {kube.context}:")
-            folders.append(download_results(kube, results_of(part), place, force=force))
-    going = [part.name for _, part in parts if not part.finished]
+        for part in parts:
+            say(f"{part.campaign.name}, from {part.kube.context}:")
+            results = results_of(part.campaign)
+            folders.append(download_results(part.kube, results, place, force=force))
+    going = [part.campaign.name for part in parts if not part.campaign.finished]
     if going:
         say(f"{', '.join(going)} has not ended; repeat the command then: it merges the parts.")
         return
-    merge(folders, target, "part", by_name=True)
-    shutil.rmtree(place)
+    left_out = merge(folders, target, "part", by_name=True).left_out
+    if left_out:
+        say(f"These runs are in {shown(place)}, where the parts stay as they are.")
+    else:
+        discard(place)
 
 
-def _part_in(kube: Kubernetes, name: str, of: int) -> CampaignState:
-    """The part that a cluster executes."""
-    known = [CampaignState(item) for item in kube.campaigns()]
-    found = next(parts_named(name, of, known), None)
-    if found is None:
+def _parts(clusters: Sequence[Kubernetes], name: str) -> list[Part]:
+    """The parts of a campaign in their order; two contexts may be of one cluster."""
+    found: dict[str, Part] = {}
+    for kube in clusters:
+        known = [CampaignState(item) for item in kube.campaigns()]
+        mine = list(parts_named(name, len(clusters), known))
+        if not mine:
+            raise InputError(
+                f"{kube.context}: the namespace {kube.namespace} has no part of the campaign "
+                f"{name}. Name all contexts that it was divided among, and no other; `vast exec "
+                f"cluster monitor --once --context {kube.context}` lists what is there."
+            )
+        found |= {campaign.name: Part(kube, campaign) for campaign in mine}
+    names = [part_name(name, number, len(clusters)) for number in range(1, len(clusters) + 1)]
+    missing = [part for part in names if part not in found]
+    if missing:
+        raise InputError(f"none of these clusters has {', '.join(missing)}: was it removed?")
+    return [found[part] for part in names]
+
+
+def _merged_name(name: str, first: CampaignState) -> str:
+    """Name of the folder of a divided campaign: that of its first part, without the part's mark."""
+    of_part = results_of(first).name
+    rest = of_part.removeprefix(first.name)
+    return f"{name}{rest}" if rest != of_part else of_part
+
+
+def _check_whole(folder: Path, name: str, parts: int) -> None:
+    """Refuse a folder that has not the runs of all parts, as that of one that was fetched alone.
+
+    Raises:
+        InputError: it has not.
+    """
+    if len(origins(Layout(folder))) < parts:
         raise InputError(
-            f"{kube.context}: the namespace {kube.namespace} has no part of the campaign {name}. "
-            "Name all contexts that it was divided among, and no other; `vast exec cluster "
-            f"monitor --once --context {kube.context}` lists what is there."
+            f"{shown(folder)} is there already, and is not all of {name}; it may be one part. "
+            "Rename or remove it, or name another folder for the results with `-o`."
         )
-    return found
