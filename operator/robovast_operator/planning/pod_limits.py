@@ -71,7 +71,7 @@ def pod_limit(limits: Mapping[str, int], store: Store, own: Identity) -> PodLimi
     most = most_pods(limits, own.namespace)
     if most is None:
         return None
-    claims = _claims(store, own.namespace)
+    claims = _claims(store, own)
     if own.key not in claims:
         return None
     others = sum(claim.has for key, claim in claims.items() if key != own.key)
@@ -111,15 +111,20 @@ def shares(most: int, wanted: Sequence[int]) -> list[int]:
     return found
 
 
-def _claims(store: Store, namespace: str) -> dict[Key, Claim]:
-    """The claims of all campaigns of a namespace that stand in no queue, the oldest first."""
-    own = [obj for (space, _), obj in store.campaigns.items() if space == namespace]
+def _claims(store: Store, own: Identity) -> dict[Key, Claim]:
+    """The claims of all campaigns of a namespace that stand in no queue, the oldest first.
+
+    How many packs are left is an estimate, as some have fewer runs. A campaign claims a pod for
+    each run for itself: it makes no pods that it has no packs for, and leaves none free.
+    """
+    among = [obj for (space, _), obj in store.campaigns.items() if space == own.namespace]
     found = {}
-    for obj in sorted(own, key=_age):
+    for obj in sorted(among, key=_age):
         identity = Identity.of(obj)
         if mapping(obj.get("spec")).get("queueName") is None:
             jobs = store.jobs_of(identity.key, identity.uid).values()
-            found[identity.key] = Claim(_wanted(obj), sum(map(_pods, jobs)), _is_stalled(obj))
+            size = 1 if identity.key == own.key else _runs_of_a_pack(mapping(obj.get("spec")))
+            found[identity.key] = Claim(_wanted(obj, size), sum(map(_pods, jobs)), _is_stalled(obj))
     return found
 
 
@@ -137,8 +142,8 @@ def _age(obj: Object) -> tuple[str, str]:
     return text(meta.get("creationTimestamp")), text(meta.get("name"))
 
 
-def _wanted(obj: Object) -> int:
-    """How many pods a campaign can use: not more than it has packs left, as far as is known."""
+def _wanted(obj: Object, size: int) -> int:
+    """How many pods a campaign can use: not more than it has packs of some size left."""
     spec, status = mapping(obj.get("spec")), mapping(obj.get("status"))
     going = "deletionTimestamp" in obj["metadata"]
     if spec.get("suspend") is True or going or text(status.get("state")) in _IDLE:
@@ -146,9 +151,16 @@ def _wanted(obj: Object) -> int:
     runs: Mapping[str, Any] = mapping(status.get("runs"))
     most, total = number(spec.get("parallelism"), 1), number(runs.get("total"))
     left = total - sum(number(runs.get(key)) for key in _ENDED)
-    execution = mapping(mapping(spec.get("vast")).get("execution"))
-    size = max(1, number(execution.get("runs_per_job"), 1))
     return max(0, min(most, -(-left // size))) if total else most
+
+
+def _runs_of_a_pack(spec: Object) -> int:
+    """Most runs of a pack: all of a configuration where verdicts decide how many are needed."""
+    execution = mapping(mapping(spec.get("vast")).get("execution"))
+    runs = execution.get("runs")
+    if isinstance(runs, dict):
+        return max(1, number(spec.get("runs")) or number(runs.get("max"), 1))
+    return max(1, number(execution.get("runs_per_job"), 1))
 
 
 def _pods(job: JobState) -> int:

@@ -111,6 +111,25 @@ def test_who_can_take_none_until_somebody_helps_leaves_them_to_others(state: str
     assert own(store, one) == (4, False), "it has some"
 
 
+def test_who_has_more_packs_than_its_runs_tell_gets_what_is_free() -> None:
+    """Packs may have few runs: those of small Configurations, or that are repeated."""
+    store = Store()
+    few = {"state": "Running", "runs": {"total": 20}}
+    packed = {"execution": {"runs_per_job": 10}}
+    one = put(store, "one", 1, few, vast=packed)
+    assert own(store, one) == (8, False)
+    put(store, "two", 2, few, vast=packed)
+    assert own(store, one) == (6, False), "it takes no other's share"
+
+
+def test_where_verdicts_decide_each_configuration_needs_one_pod() -> None:
+    store = Store()
+    runs = {"state": "Running", "runs": {"total": 60, "passed": 5, "notNeeded": 15}}
+    put(store, "as-needed", 1, runs, vast={"execution": {"runs": {"min": 2, "max": 20}}})
+    one = put(store, "one", 2, RUNNING)
+    assert own(store, one) == (6, False)
+
+
 def test_each_namespace_has_a_limit_of_its_own_or_that_of_all_others() -> None:
     store = Store()
     one = put(store, "one", 1, RUNNING)
