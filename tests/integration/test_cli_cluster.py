@@ -698,6 +698,11 @@ def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
         place = {"bucket": part, "campaign": f"{part}-2026-03-05-120000", "endpoint": endpoint}
         operator.report(part, state="Finished", runs={"passed": 13}, **place)
     home = ("download", "-i", name, "-o", "home")
+    operator.report(parts[1], state="Failed")
+    early = vast(*home, *contexts, group=("results",))
+    assert f"{parts[1]} has not ended" in early.out, "its pods still store what they have"
+    there = condition("ResultsAvailable", "True", "Indexed", "")
+    operator.report(parts[1], state="Failed", conditions=[there])
     outcome = vast(*home, "-x", "b", "-x", "a", group=("results",))
     assert (outcome.code, outcome.err) == (0, "")
     (merged,) = (tmp_path / "home").iterdir()

@@ -72,6 +72,12 @@ class CampaignState:
         return self.is_current and (self.rejected or self.status.state in {"Finished", "Failed"})
 
     @property
+    def complete(self) -> bool:
+        """True when nothing more will be stored: of one that failed, what it has is collected."""
+        aborted = self.status.state == "Failed" and not self.rejected
+        return self.finished and (self._is("ResultsAvailable", "True") or not aborted)
+
+    @property
     def rejected(self) -> bool:
         """True when the operator cannot execute it as it is."""
         return self._is("Accepted", "False")

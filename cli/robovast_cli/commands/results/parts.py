@@ -65,7 +65,7 @@ def _download_divided(
             say(f"{part.campaign.name}, from {part.kube.context}:")
             results = results_of(part.campaign)
             folders.append(download_results(part.kube, results, place, force=force))
-    going = [part.campaign.name for part in parts if not part.campaign.finished]
+    going = [part.campaign.name for part in parts if not part.campaign.complete]
     if going:
         say(f"{', '.join(going)} has not ended; repeat the command then: it merges the parts.")
         return
