@@ -575,6 +575,8 @@ def test_a_run_with_cleanup_removes_finished_campaigns_before(
     vast("run", "--detach")
     (old,) = operator.names()
     operator.report(old, state="Finished", runs={"passed": 26})
+    assert vast("run", "--detach", "--cleanup", "-c", "nothing").code == 2
+    assert operator.names() == [old], "nothing is removed for a run that does not begin"
     assert vast("run", "--detach", "--cleanup").code == 0
     eventually(lambda: old not in operator.names() and len(operator.names()) == 1)
 

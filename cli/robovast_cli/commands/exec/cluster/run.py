@@ -75,10 +75,14 @@ def run(
     with ExitStack() as stack:
         clusters = [stack.enter_context(connect(context, namespace)) for context in contexts]
         clusters = clusters or [stack.enter_context(connect(None, namespace))]
+        submissions = [
+            _prepared(kube, document, part, part_name(name, number, len(clusters)))
+            for number, (kube, part) in enumerate(zip(clusters, wanted, strict=True), 1)
+        ]
         if clean_before:
             for kube in clusters:
                 remove_finished(kube)
-        parts = _submitted(clusters, document, wanted, name, told, shared)
+        parts = _submitted(clusters, submissions, told, shared)
         for part in parts:
             say(f"Campaign {part.campaign.name} is in {_where(part.kube, contexts)}.")
             notifying.begin(part.kube, part.campaign.resource, told)
@@ -96,9 +100,7 @@ def _where(kube: Kubernetes, contexts: Sequence[str]) -> str:
 
 def _submitted(
     clusters: Sequence[Kubernetes],
-    document: Document,
-    wanted: Sequence[SubmitOptions],
-    name: str,
+    submissions: Sequence[Submission],
     told: Mapping[str, str],
     shared: Mapping[str, str],
 ) -> list[Part]:
@@ -106,17 +108,11 @@ def _submitted(
 
     Args:
         clusters: one for each part.
-        document: the checked document.
-        wanted: what counts beside it, of each part.
-        name: of the campaign.
+        submissions: the parts.
         told: receivers of notifications (`notifying.receivers`).
         shared: variables of the share for its results (`sharing.share_of`).
     """
     parts: list[Part] = []
-    submissions = [
-        _prepared(kube, document, options, part_name(name, number, len(clusters)))
-        for number, (kube, options) in enumerate(zip(clusters, wanted, strict=True), 1)
-    ]
     for kube, submission in zip(clusters, submissions, strict=True):
         campaign = notifying.with_notifications(submission.campaign, told)
         campaign = sharing.with_share(campaign, shared)
