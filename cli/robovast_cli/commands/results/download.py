@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from robovast_cli.commands.results.options import Target
-from robovast_cli.kube.options import Namespace
+from robovast_cli.kube.options import Namespace, context_option
 from robovast_cli.lazy import new_app
 
 app = new_app("Download results from the cluster's storage, or from the share.")
@@ -51,13 +51,9 @@ def download(
     ] = False,
     context: Annotated[
         list[str] | None,
-        typer.Option(
-            "-x",
-            "--context",
-            metavar="NAME",
-            help="Context of the kubeconfig; the current one when omitted. If it is repeated, the "
-            "campaign was divided among these clusters, and its parts are merged.",
-            show_default=False,
+        context_option(
+            "If it is repeated, the campaign was divided among these clusters, and its parts are "
+            "merged."
         ),
     ] = None,
     namespace: Namespace = None,

@@ -50,8 +50,8 @@ def select_any(variants: Sequence[Variant], selection: Selection) -> list[Varian
         InputError: a pattern matches no variant.
     """
     patterns = patterns_of(selection)
-    parts = [pattern for pattern in patterns if _PART.fullmatch(pattern)]
-    names = [pattern for pattern in patterns if pattern not in parts]
+    parts = [match for match in map(_PART.fullmatch, patterns) if match]
+    names = [pattern for pattern in patterns if not _PART.fullmatch(pattern)]
     chosen = {v.name for pattern in names for v in select_variants(variants, pattern)}
     found = [v for v in variants if v.name in chosen or not names]
     for part in parts:
@@ -64,9 +64,8 @@ def part_pattern(number: int, of: int) -> str:
     return f"{number}/{of}"
 
 
-def _part_of(variants: Sequence[Variant], pattern: str) -> list[Variant]:
-    match = _PART.fullmatch(pattern)
-    number, of = map(int, match.groups()) if match else (1, 1)
+def _part_of(variants: Sequence[Variant], part: re.Match[str]) -> list[Variant]:
+    pattern, number, of = part[0], int(part[1]), int(part[2])
     if number > of:
         raise InputError(f"`{pattern}`: of {of} parts there is none with the number {number}.")
     if number > len(variants):
