@@ -4,51 +4,31 @@ from __future__ import annotations
 
 import base64
 import csv
-import fcntl
 import json
 import math
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 from mcap.writer import CompressionType, Writer
-from robovast_testbed import cache
 from rosbags.rosbag2 import StoragePlugin
 from support.campaigns.bags import Bag, typestore
+from support.campaigns.local import ros_environment
 
 import rosbags_common
 from robovast.analysis.bags.convert import convert_run
 from robovast.model.document.commands import bag_command, flat
 
-VERSION = "7.1.6"
-"""Of rclpy, for ROS 2 Jazzy."""
-PACKAGES = (
-    f"ros-jazzy-rclpy[fastrtps]=={VERSION}",
-    "ros-geometry-msgs==5.3.6",
-    "ros-nav-msgs==5.3.6",
-    "ros-sensor-msgs==5.3.6",
-)
 RECORDER = Path(__file__).with_name("ros_recorder.py")
 
 
 @pytest.fixture(scope="session")
 def ros_python() -> Path:
-    """The Python of a cached virtual environment with rclpy."""
-    python = f"py{sys.version_info.major}.{sys.version_info.minor}"
-    folder = cache.root() / f"rclpy-{VERSION}-{python}"
-    with cache.lock_file(folder.name).open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (folder / "complete").exists():
-            shutil.rmtree(folder, ignore_errors=True)
-            subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-            pip = [folder / "bin/python", "-m", "pip", "install", "--quiet"]
-            subprocess.run([*pip, *PACKAGES], check=True)
-            (folder / "complete").touch()
-    return folder / "bin/python"
+    """The Python of an environment with rclpy."""
+    return Path(ros_environment(), "bin", "python")
 
 
 @pytest.fixture(scope="session")

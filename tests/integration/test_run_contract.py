@@ -11,13 +11,12 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import pytest
 import yaml
@@ -28,8 +27,7 @@ from support.patience import PATIENCE, eventually
 from robovast.campaign.job_log import part_of
 from robovast.campaign.verdict import read_test_result
 from robovast.execution.contract import contract_files
-
-VERSION = "1.8.0"
+from robovast.execution.local.process_environment import process_environment
 
 SCENARIO = """
 import osc.helpers
@@ -41,24 +39,23 @@ scenario try_it:
 """
 
 
-def make_venv(folder: Path) -> None:
-    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-    pip = [folder / "bin/python", "-m", "pip", "install", "--quiet"]
-    subprocess.run([*pip, f"scenario-execution=={VERSION}"], check=True)
-
-
 @pytest.fixture(scope="session")
 def scenario_execution() -> Path:
     """The folder of the programs of a cached virtual environment with scenario-execution."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "robovast-testbed"
-    cache.mkdir(parents=True, exist_ok=True)
-    folder = cache / f"scenario-execution-{VERSION}"
-    with (cache / f"{folder.name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (folder / "bin/scenario_execution").exists():
-            shutil.rmtree(folder, ignore_errors=True)
-            make_venv(folder)
-    return folder / "bin"
+    return process_environment(print) / "bin"
+
+
+class Script(subprocess.Popen[str]):
+    """A script whose end is not waited for without a bound, as `with` does."""
+
+    def __exit__(self, *error: Any) -> None:
+        try:
+            self.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            os.killpg(self.pid, signal.SIGKILL)
+            raise
+        finally:
+            super().__exit__(*error)
 
 
 @dataclass
@@ -134,8 +131,8 @@ class Job:
         self.env["SCENARIO_OUTPUT_DIR"] = str(self.out)
         self.env["OUTPUT_RESULT_PER_SCENARIO"] = "true"
 
-    def start(self, script: str = "entrypoint.sh", **env: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
+    def start(self, script: str = "entrypoint.sh", **env: str) -> Script:
+        return Script(
             ["/usr/bin/env", "--default-signal=INT", "bash", self.config / script],
             env={**self.env, **env},
             stdout=subprocess.PIPE,

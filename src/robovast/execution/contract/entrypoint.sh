@@ -84,6 +84,7 @@ for _ in range(50):
     except OSError:
         time.sleep(0.1)
 raise SystemExit(1)' || fail 73 "another job runs in $_out (it holds the lock $_out/.running)"
+    echo >&9 # who looks too seldom to see the lock held sees that it was
 }
 
 match_user_to_uid() {

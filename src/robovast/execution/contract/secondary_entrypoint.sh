@@ -8,8 +8,8 @@
 # shellcheck source-path=SCRIPTDIR source=entrypoint.sh
 source "${BASH_SOURCE[0]%/*}/entrypoint.sh"
 
-# Tells this script to stop when the main container has ended: its lock was seen held, and then could
-# be shared. One process, whose number is known, so that none is left when this script ends first.
+# Tells this script to stop when the main container has ended: its lock can be shared, and was seen held
+# or has grown. One process, whose number is known, so that none is left when this script ends first.
 end_with_main() {
     exec python3 -I -S -c '
 import fcntl, os, signal, sys, time
@@ -21,11 +21,13 @@ while True:
             except BlockingIOError:
                 fcntl.flock(lock, fcntl.LOCK_SH)
                 break
+            if os.fstat(lock.fileno()).st_size > int(sys.argv[3]):
+                break
     except FileNotFoundError:
         pass
     time.sleep(0.5)
 os.kill(int(sys.argv[2]), signal.SIGTERM)
-' "$_out/.running" $$
+' "$_out/.running" $$ "$_before"
 }
 
 end_secondary() {
@@ -34,6 +36,7 @@ end_secondary() {
 }
 
 main_secondary() {
+    _before=$(stat -c %s "$_out/.running" 2>/dev/null || echo 0)
     log_to "$_logs/system_$CONTAINER_NAME.log"
     match_user_to_uid
     source_ros

@@ -134,7 +134,7 @@ def _make(folder: Path) -> None:
     else:
         _call([sys.executable, "-m", "venv", str(folder)], folder)
         install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    _call([*install, "--require-hashes", "-r", str(REQUIREMENTS)], folder)
+    _call([*install, "--no-deps", "--require-hashes", "-r", str(REQUIREMENTS)], folder)
     version = folder / VERSION_FILE
     version.parent.mkdir(exist_ok=True)
     version.write_text(f"{COMPAT_VERSION}\n", encoding="ascii")
