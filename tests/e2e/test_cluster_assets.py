@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-
 from robovast_testbed import images
 from support.campaigns.local import make_campaign
-from support.kube.lab import QUICK, Lab
+from support.kube.lab import QUICK, Lab, fill_claim
 
 ASSETS = """\
   kubernetes:
@@ -22,40 +20,8 @@ cat /assets/worlds/hall.txt /assets/models/etc/robovast_compat_version > "$3/rea
 """
 
 
-def fill(lab: Lab) -> None:
-    """A claim that campaigns may read, with a file that somebody has put there."""
-    label = {"robovast.io/assets": "true"}
-    claim = {
-        "apiVersion": "v1",
-        "kind": "PersistentVolumeClaim",
-        "metadata": {"name": "worlds", "namespace": lab.namespace, "labels": label},
-        "spec": {
-            "accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": "1Mi"}},
-        },
-    }  # fmt: skip
-    container = {
-        "name": "fill",
-        "image": images.SLIM,
-        "command": ["sh", "-c", "echo a hall > /worlds/hall.txt"],
-        "volumeMounts": [{"name": "worlds", "mountPath": "/worlds"}],
-    }
-    pod = {
-        "apiVersion": "v1",
-        "kind": "Pod",
-        "metadata": {"name": "fill", "namespace": lab.namespace},
-        "spec": {
-            "restartPolicy": "Never",
-            "containers": [container],
-            "volumes": [{"name": "worlds", "persistentVolumeClaim": {"claimName": "worlds"}}],
-        },
-    }
-    lab.kubectl("create", "--filename=-", stdin=json.dumps(claim))
-    lab.kubectl("create", "--filename=-", stdin=json.dumps(pod))
-    lab.kubectl("wait", "pod/fill", "--for=jsonpath={.status.phase}=Succeeded", "--timeout=180s")
-
-
 def test_runs_read_a_shared_volume_and_an_image_and_cannot_write_to_them(lab: Lab) -> None:
-    fill(lab)
+    fill_claim(lab, "worlds", "echo a hall > hall.txt")
     lab.cluster.kubectl(
         "label", "namespace", lab.namespace, "pod-security.kubernetes.io/enforce=restricted"
     )

@@ -8,7 +8,6 @@ import re
 import subprocess
 import urllib.request
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +21,7 @@ from support.campaigns.local import (
     verdicts,
 )
 from support.campaigns.local import run as run_here
-from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files, make_lab
+from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files, in_two_contexts
 from support.patience import eventually
 from support.servers.notices import POD_PORT, receiver_pod
 
@@ -79,24 +78,13 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
 
 
 @pytest.fixture
-def divided(lab: Lab, tmp_path: Path) -> Iterator[Lab]:
-    """The lab with contexts `a` and `b` of two namespaces, as those of two clusters, and `none`."""
-    other = make_lab(lab.cluster, f"{lab.namespace}-b", tmp_path)
-    config = json.loads(lab.cluster.kubeconfig.read_text())
-    (known,) = config["contexts"]
-    spaces = {"a": lab.namespace, "b": other.namespace, "none": "none"}
-    config["contexts"] = [
-        {"name": name, "context": {**known["context"], "namespace": space}}
-        for name, space in spaces.items()
-    ]
-    path = tmp_path / "contexts.kubeconfig"
-    path.write_text(json.dumps({**config, "current-context": "none"}))
-    yield replace(lab, env={**lab.env, "KUBECONFIG": str(path)})
-    lab.cluster.kubectl("delete", "namespace", other.namespace, "--wait=false")
+def divided(lab: Lab) -> Iterator[Lab]:
+    with in_two_contexts(lab) as divided:
+        yield divided
 
 
 def test_a_campaign_is_divided_among_clusters_and_comes_home_as_one(
-    divided: Lab, tmp_path: Path
+    divided: Lab,
 ) -> None:
     lab = divided
     path = make_campaign(lab.folder / "in", '[ "$1" != 2 ]\n', "  runs: 2\n", QUICK)

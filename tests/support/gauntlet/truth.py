@@ -169,7 +169,7 @@ class Course:
             f"  runs: {self.runs}\n"
             f"  runs_per_job: {self.runs_per_job}\n"
             f"  timeout: {self.timeout}\n"
-            f"  resources: {{memory: {self.memory}}}\n"
+            f"  resources: {{memory: {self.memory}, shm_size: 80Mi}}\n"
         )
 
     def _script(self) -> str:

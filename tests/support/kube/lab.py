@@ -7,9 +7,9 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -46,16 +46,16 @@ execution:
 """
 
 
-def install(cluster: Cluster) -> None:
-    """Install RoboVAST, S3 server included, by its chart."""
+def install(cluster: Cluster, **values: str) -> None:
+    """Install RoboVAST, S3 server included, by its chart with some values of the caller's own."""
     containerd.of(cluster.bed).load(images.agent_archive())
     label = {"pod-security.kubernetes.io/enforce": "restricted"}
     metadata = {"name": SYSTEM, "labels": label}
     cluster.apply({"apiVersion": "v1", "kind": "Namespace", "metadata": metadata})
-    install_chart(cluster, ROOT / "helm/robovast")
+    install_chart(cluster, ROOT / "helm/robovast", values)
 
 
-def install_chart(cluster: Cluster, chart: Path) -> None:
+def install_chart(cluster: Cluster, chart: Path, own: Mapping[str, str] | None = None) -> None:
     """Install or upgrade from a chart, with images that the cluster's node has."""
     values = {
         "operator.image": images.AGENT,
@@ -65,6 +65,7 @@ def install_chart(cluster: Cluster, chart: Path) -> None:
         "storage.embedded.size": "1Gi",
         "page.enabled": "true",
         "page.every": "3",
+        **(own or {}),
     }
     given = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     helm(
@@ -194,6 +195,23 @@ def make_lab(cluster: Cluster, name: str, folder: Path) -> Lab:
 
 
 @contextmanager
+def in_two_contexts(lab: Lab) -> Iterator[Lab]:
+    """The lab with contexts `a` and `b` of two namespaces, as those of two clusters, and `none`."""
+    other = make_lab(lab.cluster, f"{lab.namespace}-b", lab.folder)
+    config = json.loads(lab.cluster.kubeconfig.read_text())
+    (known,) = config["contexts"]
+    spaces = {"a": lab.namespace, "b": other.namespace, "none": "none"}
+    config["contexts"] = [
+        {"name": name, "context": {**known["context"], "namespace": space}}
+        for name, space in spaces.items()
+    ]
+    path = lab.folder / "contexts.kubeconfig"
+    path.write_text(json.dumps({**config, "current-context": "none"}))
+    yield replace(lab, env={**lab.env, "KUBECONFIG": str(path)})
+    lab.cluster.kubectl("delete", "namespace", other.namespace, "--wait=false")
+
+
+@contextmanager
 def bench_lab(name: str) -> Iterator[Lab]:
     """A real node of a benchmark's own, with RoboVAST installed by its chart."""
     with bed.session(f"{name}-{os.getpid()}") as own, TemporaryDirectory() as folder:
@@ -209,6 +227,38 @@ def lab(installed: Cluster, tmp_path: Path) -> Iterator[Lab]:
     name = f"lab-{uuid4().hex[:6]}"
     yield make_lab(installed, name, tmp_path)
     installed.kubectl("delete", "namespace", name, "--wait=false")
+
+
+def fill_claim(lab: Lab, name: str, command: str, size: str = "1Mi") -> None:
+    """A claim of a volume that campaigns may read, with what a shell command leaves in it."""
+    label = {"robovast.io/assets": "true"}
+    claim = {
+        "apiVersion": "v1",
+        "kind": "PersistentVolumeClaim",
+        "metadata": {"name": name, "namespace": lab.namespace, "labels": label},
+        "spec": {"accessModes": ["ReadWriteOnce"], "resources": {"requests": {"storage": size}}},
+    }
+    container = {
+        "name": "fill",
+        "image": images.SLIM,
+        "command": ["sh", "-c", command],
+        "workingDir": "/assets",
+        "volumeMounts": [{"name": "assets", "mountPath": "/assets"}],
+    }
+    pod = {
+        "apiVersion": "v1",
+        "kind": "Pod",
+        "metadata": {"name": f"fill-{name}", "namespace": lab.namespace},
+        "spec": {
+            "restartPolicy": "Never",
+            "containers": [container],
+            "volumes": [{"name": "assets", "persistentVolumeClaim": {"claimName": name}}],
+        },
+    }
+    for made in (claim, pod):
+        lab.kubectl("create", "--filename=-", stdin=json.dumps(made))
+    succeeded = "--for=jsonpath={.status.phase}=Succeeded"
+    lab.kubectl("wait", f"pod/fill-{name}", succeeded, "--timeout=180s")
 
 
 @contextmanager
