@@ -20,7 +20,7 @@ GROWTH = 16
 """By how much packs grow from one round to the next at most: the first runs that end are the
 short ones, and say little of the others."""
 
-WAIT = 6
+WAIT = 8
 """How many starts as long as the last packs may take: smaller ones would cost a start more of each
 worker, which is longer than any would wait for the others."""
 
