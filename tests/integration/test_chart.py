@@ -42,6 +42,10 @@ from robovast_operator.settings import read_settings
         ({"kueue": {"share": 110}}, "/kueue/share': maximum: got 110, want 100"),
         ({"operator": {"resources": {"limit": {}}}}, "'limit' not allowed"),
         ({"operator": {"podLimits": {"team-a": 0}}}, "minimum: got 0, want 1"),
+        (
+            {"operator": {"podLimits": {"Team A": 3}}},
+            "at '/operator/podLimits': additional properties 'Team A' not allowed",
+        ),
         ({"scheduling": {"hostNetwork": True}}, "'hostNetwork' not allowed"),
         ({"storage": {"embedded": {"enabled": False}}}, "storage.external.endpoint is needed"),
         (
