@@ -40,9 +40,10 @@ class PodLimit:
     @property
     def told(self) -> str:
         """Why a campaign that may have none waits."""
+        pods = "1 pod" if self.most == 1 else f"{self.most} pods"
         return (
-            f"the namespace may have {self.most} pods of runs at a time (`operator.podLimits` of "
-            "the installation), and other campaigns have them; it gets its share as they end"
+            f"the namespace may have {pods} of runs at a time (`operator.podLimits` of the "
+            "installation), and other campaigns have them; it gets its share as they end"
         )
 
 

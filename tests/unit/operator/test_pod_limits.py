@@ -187,6 +187,11 @@ def test_a_campaign_never_has_more_than_its_share_but_what_it_had_and_loses_no_r
     assert world.status.state == "Finished"
 
 
+@pytest.mark.parametrize(("most", "said"), [(1, "may have 1 pod of"), (2, "may have 2 pods of")])
+def test_the_limit_is_told_as_one_says_it(most: int, said: str) -> None:
+    assert said in PodLimit(most, 0, taken=True).told
+
+
 def test_who_waits_for_others_is_queued_and_says_why_and_looks_again() -> None:
     world = World(accepted(runs=5))
     world.pod_limit = PodLimit(5, 0, taken=True)
