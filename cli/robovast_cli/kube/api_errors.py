@@ -41,10 +41,7 @@ def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
             "with `--context`."
         )
     if code == 403:
-        return CannotRunError(
-            f"{where} does not allow it: {message}. Whoever administers the cluster can grant it "
-            "with a RoleBinding in this namespace; `--namespace` chooses another one."
-        )
+        return CannotRunError(f"{where} does not allow it: {message}. {_remedy(message)}")
     if code == 404 and not status.get("details", {}).get("name"):
         return NotInstalledError(
             f"RoboVAST is not installed in this cluster ({where}): it knows no Campaigns. Install "
@@ -62,6 +59,19 @@ def unreachable(cause: str, where: str) -> RobovastError:
     return UnreachableError(
         f"{where} cannot be reached: {cause}. Does the cluster run, and is it the right context? "
         "`kubectl config get-contexts` shows all; `--context` chooses one."
+    )
+
+
+def _remedy(message: str) -> str:
+    """What helps when the API server forbids something: rights are not all that may be missing."""
+    if "exceeded quota" in message:
+        return (
+            "Remove what is no longer needed (`vast exec cluster run-cleanup` removes finished "
+            "campaigns), or let whoever administers the cluster raise that quota."
+        )
+    return (
+        "Whoever administers the cluster can grant it with a RoleBinding in this namespace; "
+        "`--namespace` chooses another one."
     )
 
 
