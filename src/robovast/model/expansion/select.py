@@ -13,7 +13,7 @@ from robovast.model.variant import Variant
 Selection: TypeAlias = str | Sequence[str] | None
 """A name or glob, or several of them; `N/M` of them the N-th of M parts; None selects all."""
 
-_PART = re.compile(r"0*([1-9]\d{0,8})/0*([1-9]\d{0,8})")
+_PART = re.compile(r"0*(\d{1,9})/0*([1-9]\d{0,8})")
 """No name of a configuration has a slash."""
 
 
@@ -66,12 +66,12 @@ def part_pattern(number: int, of: int) -> str:
 
 def _part_of(variants: Sequence[Variant], part: re.Match[str]) -> list[Variant]:
     pattern, number, of = part[0], int(part[1]), int(part[2])
-    if number > of:
+    if not 1 <= number <= of:
         raise InputError(f"`{pattern}`: of {of} parts there is none with the number {number}.")
     if number > len(variants):
         raise InputError(
-            f"`{pattern}`: this part is empty, as there are only {len(variants)} configurations "
-            "to divide."
+            f"`{pattern}`: this part is empty, as the number of configurations to divide is only "
+            f"{len(variants)}. Make no more parts, and name no more contexts, than there are."
         )
     return list(variants[number - 1 :: of])
 
