@@ -58,6 +58,33 @@ def name_values(command: Any) -> Any:
     return command
 
 
+def refuse_contexts(command: Any) -> Any:
+    """The command, which refuses a second `--context` where one counts: others take several."""
+    for param in command.params:
+        if param.name == "context" and not param.multiple:
+            command.parse_args = _single(command, param)
+    for child in getattr(command, "commands", {}).values():
+        refuse_contexts(child)
+    return command
+
+
+def _single(command: Any, param: Any) -> Any:
+    parse = command.parse_args
+
+    def parse_args(ctx: Any, args: list[str]) -> Any:
+        _, _, order = command.make_parser(ctx).parse_args(list(args))
+        if order.count(param) > 1:
+            raise typer.BadParameter(
+                "is given twice, but this command is about one cluster: name one, and repeat the "
+                "command for each other.",
+                ctx=ctx,
+                param=param,
+            )
+        return parse(ctx, args)
+
+    return parse_args
+
+
 def _nothing(ctx: object) -> str:
     del ctx
     return ""

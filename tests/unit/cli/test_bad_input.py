@@ -364,6 +364,8 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
         (["evaluation", "gui", "-p", "99999"], ": must be at most 65535, not '99999'."),
         (["config", "generate"], "Usage: vast config generate [OPTIONS] OUT\n"),
         (["config", "export-configs"], "Usage: vast config export-configs [OPTIONS] PATTERN...\n"),
+        (["exec", "cluster", "stop", "-x", "a", "--context", "b"], "'--context': is given twice"),
+        (["results", "summary", "--context", "a", "--context=a"], "repeat the command for each"),
         (["exec", "local", "run", "a", "-o", "b"], "OUT is a, and --output is b; name one."),
         (["exec", "local", "run", "a", "--resume", "b"], "the results go to the campaign"),
     ],
