@@ -94,10 +94,15 @@ def test_a_campaign_is_divided_among_clusters_and_comes_home_as_one(
     assert "none" in refused.stderr
     assert lab.get("campaigns")["items"] == [], "a part alone is not left behind"
     few = lab.vast(*run, "-c", "one-1", "-x", "a", "-x", "b", code=2)
-    assert "only 1 configurations to divide" in few.stderr
+    assert (
+        "configurations to divide is only 1. Make no more parts, and name no more contexts"
+        in few.stderr
+    )
     done = lab.vast(*run, "-x", "a", "-x", "b", code=1)
     name = re.search(r"-i (\S+) --context a --context b", done.stdout)
     assert name is not None, done.stdout
+    assert f"{name[1]}-1of2: 4 of 4 done: 4 passed." in done.stdout
+    assert f"{name[1]}-2of2: not passed: one-2/0" in done.stdout
     home = ("results", "download", "-i", name[1], "-o", "home")
     lab.vast(*home, "-x", "a", "-x", "b")
     lab.vast("-V", path, "exec", "local", "run", "--runtime", "process", "here", code=1)

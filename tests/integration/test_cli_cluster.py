@@ -208,6 +208,22 @@ def test_a_detached_run_names_the_campaign_and_what_can_be_done_with_it(
     assert "vast results download -i growth-sim-" in first.out
 
 
+def test_commands_that_are_printed_choose_the_cluster_that_was_chosen(
+    vast: Vast, operator: Operator, contexts: list[str], namespace: str
+) -> None:
+    chosen = ("-x", "b", "-n", namespace)
+    said = vast("run", "--detach", *chosen).out.splitlines()
+    (name,) = operator.names()
+    given = f" --context b --namespace {namespace}"
+    assert [line.split("vast ")[-1] for line in said[1:]] == [
+        f"exec cluster monitor{given}",
+        f"exec cluster stop -i {name}{given}",
+        f"results download -i {name}{given}",
+    ]
+    assert f"resume -i {name}{given}" in vast("stop", *chosen).out
+    assert f"-i {name}{given}`" in vast("run-cleanup", *chosen).out
+
+
 def test_who_is_to_be_told_of_the_end_stands_in_a_secret_of_the_campaign(
     vast: Vast, operator: Operator, known_cluster: Cluster, namespace: str, tmp_path: Path
 ) -> None:
@@ -537,7 +553,7 @@ def test_stop_resume_and_retry_change_what_the_operator_reads(
     assert vast("retry", "-i", name).code == 2
     operator.report(name, state="Finished", runs={"passed": 25, "failed": 1})
     outcome = vast("retry", "-i", name)
-    assert outcome.out == f"{name}: 1 runs are executed once more.\n"
+    assert outcome.out == f"{name}: 1 run is executed once more.\n"
     assert operator.spec(name)["attempt"] == 2
 
 
@@ -836,7 +852,9 @@ def test_a_shell_of_a_run_that_is_not_executed_names_the_command_that_says_more(
     known_cluster.apply(plan_config_map(known_cluster, name, namespace))
     outcome = vast("shell", name, "sweep-1-1/0")
     assert outcome.code == 3
-    assert f"`vast exec cluster logs {name} sweep-1-1/0` says why" in outcome.err
+    assert (
+        f"`vast exec cluster logs {name} sweep-1-1/0 --namespace {namespace}` says" in outcome.err
+    )
 
 
 def plan_config_map(cluster: Cluster, name: str, namespace: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from robovast.base.errors import CannotRunError, RobovastError
 from robovast.kubeapi.resources import API_VERSION
 from robovast_cli.kube.api_errors import NotFoundError, NotInstalledError, refusal, unreachable
 from robovast_cli.kube.extra import cluster_extra
-from robovast_cli.kube.kubeconfig import choose, files, login_program
+from robovast_cli.kube.kubeconfig import choose, files, login_program, options_of
 from robovast_cli.kube.port_forward import PortForward
 
 if TYPE_CHECKING:
@@ -46,13 +46,20 @@ class Kubernetes:
     """
 
     def __init__(
-        self, client: Any, portal: BlockingPortal, context: str | None, namespace: str
+        self,
+        client: Any,
+        portal: BlockingPortal,
+        context: str | None,
+        namespace: str,
+        given: str = "",
     ) -> None:
         self._client = client
         self._portal = portal
         self.context = context or ""
         """Name of the kubeconfig's context; empty inside a pod."""
         self.namespace = namespace
+        self.given = given
+        """Options that chose it, to be repeated in commands that are printed."""
 
     @property
     def where(self) -> str:
@@ -290,6 +297,7 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
     with cluster_extra():
         from anyio.from_thread import start_blocking_portal
         from kubernetes.aio.client import ApiClient, Configuration
+    given = options_of([context], namespace)
     context, namespace = choose(context, namespace)
     try:
         server = Configuration()
@@ -304,7 +312,7 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         ) from error
     with start_blocking_portal() as portal:
         try:
-            yield Kubernetes(client, portal, context, namespace)
+            yield Kubernetes(client, portal, context, namespace, given)
         finally:
             portal.call(client.close)
 

@@ -21,7 +21,7 @@ def stop(context: str | None, namespace: str | None, name: str | None) -> None:
     say(
         f"{campaign.name}: its pods are being stopped. Runs in progress are lost, stored ones stay."
     )
-    say(f"Resume:   vast exec cluster resume -i {campaign.name}")
+    say(f"Resume:   vast exec cluster resume -i {campaign.name}{kube.given}")
 
 
 def resume(
@@ -68,7 +68,8 @@ def retry(context: str | None, namespace: str | None, name: str | None) -> None:
         campaign = _one(kube, name, _can_be_retried, "with bad runs to repeat")
         kube.patch_campaign(campaign.name, {"attempt": campaign.attempt + 1})
     runs = campaign.status.runs
-    say(f"{campaign.name}: {runs.failed + runs.errored} runs are executed once more.")
+    bad = runs.failed + runs.errored
+    say(f"{campaign.name}: {bad} {'run is' if bad == 1 else 'runs are'} executed once more.")
 
 
 def run_cleanup(

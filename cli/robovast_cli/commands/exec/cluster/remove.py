@@ -32,7 +32,7 @@ def remove_finished(kube: Kubernetes, *, data: bool = False) -> None:
         if not campaign.finished:
             say(
                 f"{campaign.name}: still runs; `vast exec cluster run-cleanup -i "
-                f"{campaign.name}` removes it, too."
+                f"{campaign.name}{kube.given}` removes it, too."
             )
 
 

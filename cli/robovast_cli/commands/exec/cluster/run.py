@@ -22,6 +22,7 @@ from robovast_cli.commands.exec.cluster.parts import Part, divided, part_name, w
 from robovast_cli.commands.exec.cluster.remove import remove_finished
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import NotFoundError, UnreachableError
+from robovast_cli.kube.kubeconfig import options_of
 from robovast_cli.kube.status import CampaignState
 from robovast_cli.kube.store import installed_place, open_store
 from robovast_cli.ui.cluster_view import follow_view
@@ -71,6 +72,7 @@ def run(
     """
     wanted = divided(document, options, contexts)
     name = campaign_name(document, unique=True)
+    download = f"vast results download -i {name}{options_of(contexts, namespace)}"
     told, shared = notifying.receivers(environment()), sharing.share_of(environment())
     with ExitStack() as stack:
         clusters = [stack.enter_context(connect(context, namespace)) for context in contexts]
@@ -88,9 +90,9 @@ def run(
             notifying.begin(part.kube, part.campaign.resource, told)
             sharing.begin(part.kube, part.campaign.resource, shared)
         if detach:
-            _say_how_to_go_on(parts, contexts, name)
+            _say_how_to_go_on(parts, download)
             return ExitCode.OK
-        return _follow(parts, contexts, name)
+        return _follow(parts, download)
 
 
 def _where(kube: Kubernetes, contexts: Sequence[str]) -> str:
@@ -150,20 +152,26 @@ def _prepared(
     return prepare_submission(document, chosen, name, kube.namespace)
 
 
-def _follow(parts: Sequence[Part], contexts: Sequence[str], name: str) -> ExitCode:
-    """Show campaigns until they end; Ctrl-C ends only that."""
+def _follow(parts: Sequence[Part], download: str) -> ExitCode:
+    """Show campaigns until they end; Ctrl-C ends only that.
+
+    Args:
+        parts: the campaign, or its parts.
+        download: the command that fetches its results.
+    """
     try:
         with follow_view() as view:
             for states in _states(parts):
                 view.update(states)
     except KeyboardInterrupt:
         say(f"\nNo longer followed: {_goes_on(parts)}.")
-        _say_how_to_go_on(parts, contexts, name)
+        _say_how_to_go_on(parts, download)
         return ExitCode.INTERRUPTED
     for state in states:
+        part = f"{state.name}: " if len(states) > 1 else ""
         for line in state.summary():
-            say(line)
-    say(f"Results: {_download_command(contexts, name)}")
+            say(f"{part}{line}")
+    say(f"Results: {download}")
     return worst(state.exit_code for state in states)
 
 
@@ -173,18 +181,13 @@ def _goes_on(parts: Sequence[Part]) -> str:
     return f"{', '.join(part.campaign.name for part in parts)} go on in their clusters"
 
 
-def _say_how_to_go_on(parts: Sequence[Part], contexts: Sequence[str], name: str) -> None:
+def _say_how_to_go_on(parts: Sequence[Part], download: str) -> None:
     """Print what can be done with campaigns that are being executed."""
     for part in parts:
-        chosen = f" --context {part.kube.context}" if len(contexts) > 1 else ""
-        say(f"Watch:    vast exec cluster monitor{chosen}")
-        say(f"Stop:     vast exec cluster stop -i {part.campaign.name}{chosen}")
-    say(f"Results:  {_download_command(contexts, name)}")
-
-
-def _download_command(contexts: Sequence[str], name: str) -> str:
-    among = "".join(f" --context {context}" for context in contexts) if len(contexts) > 1 else ""
-    return f"vast results download -i {name}{among}"
+        given = part.kube.given
+        say(f"Watch:    vast exec cluster monitor{given}")
+        say(f"Stop:     vast exec cluster stop -i {part.campaign.name}{given}")
+    say(f"Results:  {download}")
 
 
 def _states(parts: Sequence[Part]) -> Iterator[list[CampaignState]]:

@@ -38,7 +38,7 @@ def shell(
     with opened_runs(context, namespace, campaign) as (kube, runs):
         executor = runs.executor(run)
         if executor is None:
-            logs = " ".join(["vast exec cluster logs", *words])
+            logs = " ".join(["vast exec cluster logs", *words]) + kube.given
             raise CannotRunError(
                 f"{run} is not executed now. `{logs}` says why it waits, or what it did."
             )
