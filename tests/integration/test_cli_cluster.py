@@ -647,10 +647,10 @@ def secret(name: str, namespace: str, server: Server, **more: str) -> dict[str, 
 
 @pytest.fixture
 def contexts(vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: Any) -> list[str]:
-    """Options that name two contexts, `a` and `b`, which are of one cluster."""
+    """Options that name two contexts, `a` and `b`; these and `c` are of one cluster."""
     config = json.loads(known_cluster.kubeconfig.read_text())
     (known,) = config["contexts"]
-    config["contexts"] = [{**known, "name": name} for name in ("a", "b")]
+    config["contexts"] = [{**known, "name": name} for name in "abc"]
     path = tmp_path / "two.kubeconfig"
     path.write_text(json.dumps(config))
     monkeypatch.setenv("KUBECONFIG", str(path))
@@ -726,7 +726,19 @@ def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
     (merged,) = (tmp_path / "home").iterdir()
     assert merged.name == f"{name}-2026-03-05-120000"
     assert {run.parent.name for run in merged.glob("hall-*/0")} == {"hall-1", "hall-2"}
-    assert "already" in vast(*home, *contexts, group=("results",)).out
+    assert "`-f` fetches it again" in vast(*home, *contexts, group=("results",)).out
+    store.put_bytes(parts[0], "hall-1/1/test.xml", b"<testsuite/>")
+    store.put_bytes(parts[0], "hall-1/1/run.json", record_of(parts[0], "hall-1"))
+    operator.report(parts[1], state="Failed", conditions=[])
+    assert "has not ended" in vast(*home, "-f", *contexts, group=("results",)).out
+    assert len(list(merged.glob("hall-1/[0-9]"))) == 1, "what is here stays until then"
+    operator.report(parts[1], state="Failed", conditions=[there])
+    assert vast(*home, "-f", *contexts, group=("results",)).code == 0
+    assert len(list(merged.glob("hall-1/[0-9]"))) == 2
+    assert list((tmp_path / "home").iterdir()) == [merged]
+    other = vast(*home, *contexts, "-x", "c", group=("results",))
+    assert f"has no campaign {name}-1of3" in other.err
+    assert f"it has {parts[0]}, {parts[1]}." in other.err
 
     operator.report(parts[0], state="Finished", campaign="named-2026-03-05-120000")
     vast("download", "-i", parts[0], "-o", "alone", "-x", "a", group=("results",))

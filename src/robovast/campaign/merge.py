@@ -64,7 +64,7 @@ class _Part:
 
 
 def merge_campaigns(
-    campaigns: Sequence[Path], target: Path, *, by_name: bool = False
+    campaigns: Sequence[Path], target: Path, *, by_name: bool = False, replace: bool = False
 ) -> MergeResult:
     """Copy the runs of several campaigns into a new one; the originals do not change.
 
@@ -75,6 +75,7 @@ def merge_campaigns(
         campaigns: their folders; `_config` and `_execution` are taken from the last.
         target: folder of the new campaign; it appears when it is complete.
         by_name: they are parts of one campaign, in which each configuration has its own name.
+        replace: replace an existing folder, at the very end.
 
     Raises:
         InputError: there is nothing to merge, two campaigns have one name, or runs would occur
@@ -84,7 +85,7 @@ def merge_campaigns(
     _check(campaigns)
     parts = [part for campaign in campaigns for part in _parts(Layout(campaign))]
     merged = _named(_grouped(parts, by_name=by_name))
-    with appearing_folder(target) as folder:
+    with appearing_folder(target, replace=replace) as folder:
         layout = Layout(folder)
         _copy(Layout(campaigns[-1]).config, layout.config)
         for campaign in map(Layout, campaigns):

@@ -12,7 +12,12 @@ from robovast_cli.workspace import shown
 
 
 def merge(
-    sources: Sequence[Path], target: Path, noun: str, *, by_name: bool = False
+    sources: Sequence[Path],
+    target: Path,
+    noun: str,
+    *,
+    by_name: bool = False,
+    replace: bool = False,
 ) -> MergeResult:
     """Merge campaigns into a new folder; say what was merged, and what was not.
 
@@ -21,13 +26,14 @@ def merge(
         target: the new folder.
         noun: what they are called.
         by_name: they are parts of one campaign, in which each configuration has its own name.
+        replace: replace an existing folder, at the very end.
 
     Raises:
         InputError: they cannot be merged.
         StorageError: the target exists already, or cannot be written.
     """
     with working(f"Merging {_counted(len(sources), noun)}"):
-        result = merge_campaigns(sources, target, by_name=by_name)
+        result = merge_campaigns(sources, target, by_name=by_name, replace=replace)
     for path in result.unidentified:
         say(f"{path}: has no config_identifier, so it was merged with nothing.")
     for path in result.left_out:

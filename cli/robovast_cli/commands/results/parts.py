@@ -14,7 +14,7 @@ from robovast_cli.commands.exec.cluster.parts import Part, check_distinct, part_
 from robovast_cli.commands.results.downloading import download_results, results_of
 from robovast_cli.commands.results.merging import merge
 from robovast_cli.kube.api import Kubernetes, connect
-from robovast_cli.kube.status import CampaignState
+from robovast_cli.kube.status import CampaignState, some_names
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import shown
 
@@ -34,7 +34,7 @@ def download_parts(
         namespace: the contexts' when None.
         names: of the campaigns, as `vast exec cluster run` printed them.
         output: folder for the campaigns' folders; parts are beside them until they are merged.
-        force: also download existing parts.
+        force: also download existing parts, and replace campaigns that are merged.
 
     Raises:
         InputError: no campaign is named, or one context twice, or a cluster has no part of it, or
@@ -58,8 +58,12 @@ def _download_divided(
         target = output / _merged_name(name, parts[0].campaign)
         if target.exists():
             _check_whole(target, name, len(parts))
-            say(f"{name} is in {shown(target)} already; remove that folder to fetch it again.")
-            return
+            if not force:
+                say(
+                    f"{name} is in {shown(target)} already, as it was then. `-f` fetches it again "
+                    "and replaces that folder: for runs that were repeated or added since."
+                )
+                return
         folders = []
         for part in parts:
             say(f"{part.campaign.name}, from {part.kube.context}:")
@@ -69,7 +73,7 @@ def _download_divided(
     if going:
         say(f"{', '.join(going)} has not ended; repeat the command then: it merges the parts.")
         return
-    left_out = merge(folders, target, "part", by_name=True).left_out
+    left_out = merge(folders, target, "part", by_name=True, replace=force).left_out
     if left_out:
         say(f"These runs are in {shown(place)}, where the parts stay as they are.")
     else:
@@ -84,9 +88,10 @@ def _parts(clusters: Sequence[Kubernetes], name: str) -> list[Part]:
         mine = list(parts_named(name, len(clusters), known))
         if not mine:
             raise InputError(
-                f"{kube.context}: the namespace {kube.namespace} has no part of the campaign "
-                f"{name}. Name all contexts that it was divided among, and no other; `vast exec "
-                f"cluster monitor --once --context {kube.context}` lists what is there."
+                f"{kube.context}: the namespace {kube.namespace} has no campaign "
+                f"{part_name(name, 1, len(clusters))} or another of its {len(clusters)} parts; it "
+                f"has {some_names(known)}. Name all contexts that {name} was divided among, and no "
+                "other."
             )
         found |= {campaign.name: Part(kube, campaign) for campaign in mine}
     names = [part_name(name, number, len(clusters)) for number in range(1, len(clusters) + 1)]
