@@ -44,6 +44,7 @@ from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
 from robovast_operator.planning.accept import DOCUMENT_CHANGED, with_composition
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
+from robovast_operator.planning.configurations import NOT_FOUND
 from robovast_operator.planning.pod_limits import PodLimit, pod_limit
 from robovast_operator.planning.proposals import first_plan
 from robovast_operator.pods.findings import Trouble
@@ -134,6 +135,7 @@ class Reconciler:
         obj = self._store.campaigns.get(key)
         if obj is None:
             self._memories.pop(key, None)
+            await self._statuses.waiting(key, NOT_FOUND)
             return
         identity = Identity.of(obj)
         memory = self._memory(key, identity, obj)

@@ -21,12 +21,19 @@ from robovast_operator.kube.api import Api
 from robovast_operator.kube.conditions import Found, dated, is_true
 from robovast_operator.kube.events import Message, messages
 from robovast_operator.kube.few_at_once import few_at_once
-from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.kube.work_queue import WorkQueue
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
-from robovast_operator.planning.configurations import ConfigurationStatuses, is_own
+from robovast_operator.planning.configurations import (
+    NOT_ACCEPTED,
+    NOT_FOUND,
+    ConfigurationStatuses,
+    is_own,
+    is_owned,
+    waiting_status,
+)
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.settings import Settings
 from robovast_operator.status.conditions import (
@@ -61,6 +68,7 @@ class Statuses:
             "conditions": _dated(obj, found, old),
         }
         await self.write(obj, old.model_copy(update=update))
+        await self.waiting(Identity.of(obj).key, NOT_ACCEPTED)
 
     async def composing(self, obj: Object, accepted: Accepted, trouble: Trouble | None) -> None:
         """Write the status while only the compose Job runs."""
@@ -76,6 +84,7 @@ class Statuses:
             conditions=_dated(obj, composing_conditions(trouble), old),
         )
         await self.write(obj, status)
+        await self.waiting(Identity.of(obj).key, NOT_ACCEPTED)
 
     async def failing(self, obj: Object, trouble: Trouble) -> None:
         """Report why a Campaign cannot be reconciled; the rest of its status stays.
@@ -155,6 +164,26 @@ class Statuses:
             tell = ConfigurationStatuses(revision, status, format_time(now()), problems)
             await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
 
+    async def waiting(self, key: Key, reason: str) -> None:
+        """Tell the Configurations that were applied by hand what they wait for, once each.
+
+        Args:
+            key: their Campaign, which may not exist.
+            reason: `NOT_FOUND`, or `NOT_ACCEPTED`, which leaves those it has answered as they are.
+        """
+        moment = format_time(now())
+        waiting = [
+            (item, waiting_status(item, reason, moment))
+            for item in self._store.configurations_of(key)
+            if not (is_owned(item) or _is_leaving(item))
+            and (reason == NOT_FOUND or not _is_known(item))
+        ]
+        await few_at_once(
+            self._write_configuration_status(item, told)
+            for item, told in waiting
+            if told is not None
+        )
+
     async def _write_configuration_status(self, item: Object, told: ConfigurationStatus) -> None:
         if told == read_status(ConfigurationStatus, item.get("status")):
             return
@@ -183,3 +212,7 @@ def _is_known(item: Object) -> bool:
     """Whether a Configuration's status is about its current generation."""
     seen = (item.get("status") or {}).get("observedGeneration")
     return bool(seen == item["metadata"].get("generation"))
+
+
+def _is_leaving(item: Object) -> bool:
+    return "deletionTimestamp" in item["metadata"]

@@ -20,6 +20,15 @@ from robovast_operator.planning.campaign import Accepted, Revision
 NAME_LIMIT = 200
 
 
+NOT_FOUND, NOT_ACCEPTED = "CampaignNotFound", "CampaignNotAccepted"
+
+WAITING = {
+    NOT_FOUND: "it waits for the Campaign {}, which does not exist in this namespace",
+    NOT_ACCEPTED: "it waits until the Campaign {} is accepted, whose condition Accepted says more",
+}
+"""What a Configuration waits for, by reason."""
+
+
 def object_name(campaign: str, entry: str) -> str:
     """Name of the Configuration of an entry, whose own name may have other characters."""
     slug = re.sub(r"[^a-z0-9-]+", "-", entry.lower()).strip("-")
@@ -58,8 +67,35 @@ def _own(identity: Identity, entry: dict[str, Any]) -> Object:
 
 def is_own(obj: Object, identity: Identity) -> bool:
     """Whether the operator made a Configuration."""
-    owners = obj["metadata"].get("ownerReferences") or ()
-    return any(owner["uid"] == identity.uid for owner in owners)
+    return any(owner["uid"] == identity.uid for owner in _owners(obj))
+
+
+def is_owned(obj: Object) -> bool:
+    """Whether a Configuration goes with a Campaign, even if that is gone already."""
+    return any(owner.get("kind") == "Campaign" for owner in _owners(obj))
+
+
+def _owners(obj: Object) -> Sequence[Object]:
+    return obj["metadata"].get("ownerReferences") or ()
+
+
+def waiting_status(obj: Object, reason: str, now: str) -> ConfigurationStatus | None:
+    """The status of a Configuration that no campaign has seen; None if it says so already.
+
+    It has no `observedGeneration`, so its campaign answers it as soon as it can.
+
+    Args:
+        obj: the Configuration.
+        reason: of `WAITING`.
+        now: the time.
+    """
+    generation = obj["metadata"].get("generation", 0)
+    said = (obj.get("status") or {}).get("conditions") or ()
+    if any((c["reason"], c.get("observedGeneration")) == (reason, generation) for c in said):
+        return None
+    old = read_status(ConfigurationStatus, obj.get("status"))
+    truth: Found = ("Accepted", "Unknown", reason, WAITING[reason].format(obj["spec"]["campaign"]))
+    return ConfigurationStatus(conditions=dated([truth], generation, now, old.conditions))
 
 
 def entry_name(obj: Object) -> str:
