@@ -7,7 +7,7 @@ from robovast.model.quantities import (
     cpus,
     disk,
     gpu_resource,
-    memory,
+    memory_limit,
     resolve_per_context,
     shared_memory,
 )
@@ -29,7 +29,7 @@ def check_amounts(execution: Execution, context: str, most_disk: str = "") -> No
     containers += [(s.name, s.resources) for s in execution.secondary_containers]
     for name, resources in containers:
         cpus(resources.cpu, f"resources.cpu of {name}", context)
-        memory(resources.memory, f"resources.memory of {name}", context)
+        memory_limit(resources.memory, f"resources.memory of {name}", context)
         resolve_per_context(resources.gpu, context, f"resources.gpu of {name}")
     shared_memory(main.shm_size, main.memory, context)
     gpu_resource(kubernetes.gpu_resource, context)

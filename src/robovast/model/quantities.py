@@ -17,6 +17,9 @@ LOCAL_CONTEXT = "local"
 EXTENDED_RESOURCE = r"^[a-z0-9]([-a-z0-9.]*[a-z0-9])?/[A-Za-z0-9]([-A-Za-z0-9_.]*[A-Za-z0-9])?$"
 """Name of what nodes have beside CPU and memory, such as `amd.com/gpu`."""
 
+LEAST = 2**20
+"""Least memory or disk that a run can do with [byte]."""
+
 _UNITS = {
     "": 1,
     "k": 10**3,
@@ -58,6 +61,11 @@ def memory(value: Any, key: str, context: str = LOCAL_CONTEXT) -> int | None:
     return _read(parse_memory, value, key, context)
 
 
+def memory_limit(value: Any, key: str, context: str = LOCAL_CONTEXT) -> int | None:
+    """Memory of a container [byte]; None without a value."""
+    return _read(parse_memory_limit, value, key, context)
+
+
 def _read(parse: Callable[[Any], Number], value: Any, key: str, context: str) -> Number | None:
     resolved = resolve_per_context(value, context, key)
     if resolved is None:
@@ -86,10 +94,42 @@ def parse_memory(value: Any) -> int:
     Raises:
         ValueError: it is none of these.
     """
+    return _parse_bytes(value, "memory")
+
+
+def parse_memory_limit(value: Any) -> int:
+    """Memory of a container [byte].
+
+    Raises:
+        ValueError: it is no amount, or so small that its unit must have been forgotten.
+    """
+    return _not_tiny(value, parse_memory(value))
+
+
+def parse_disk(value: Any) -> int:
+    """Disk of a pod [byte].
+
+    Raises:
+        ValueError: it is no amount, or so small that its unit must have been forgotten.
+    """
+    return _not_tiny(value, _parse_bytes(value, "disk"))
+
+
+def _parse_bytes(value: Any, what: str) -> int:
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)", str(value).strip())
     if not match or match[2] not in _UNITS:
-        raise ValueError(f"`{value}` is not an amount of memory; write `8Gi` or `4096Mi`.")
+        raise ValueError(f"`{value}` is not an amount of {what}; write `8Gi` or `4096Mi`.")
     return int(float(match[1]) * _UNITS[match[2]])
+
+
+def _not_tiny(value: Any, found: int) -> int:
+    """Refuse an amount in which nothing can run; 0, where it is allowed, is no limit."""
+    if not 0 < found < LEAST:
+        return found
+    given = str(value).strip()
+    meant = f"did you mean `{given}{'Gi' if found < 2**10 else 'Mi'}`?"
+    remedy = meant if given[-1].isdigit() else "write `8Gi` or `4096Mi`."
+    raise ValueError(f"`{value}` is {found:,} bytes; no run can do with less than 1Mi: {remedy}")
 
 
 def shared_memory(size: Any, memory_limit: Any, context: str = LOCAL_CONTEXT) -> int | None:
@@ -143,7 +183,7 @@ def disk(value: Any, context: str, most: str) -> int | None:
         InputError: it is no amount, or more than that.
     """
     key = "execution.kubernetes.ephemeral_storage"
-    found = memory(value, key, context)
+    found = _read(parse_disk, value, key, context)
     limit = memory(most, "agent.diskLimit") if most else None
     if found is not None and (found <= 0 or found > (limit or found)):
         allowed = (

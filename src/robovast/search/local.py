@@ -30,6 +30,7 @@ from robovast.execution.local.choose import choose_runtime
 from robovast.execution.local.continuing import continued_session
 from robovast.execution.local.edited_inputs import record_inputs
 from robovast.execution.local.growing import GrowingCampaign
+from robovast.execution.local.limits import check_limits
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
 from robovast.execution.local.variants import campaign_seed, choose_variants
@@ -139,10 +140,12 @@ def run_search(
     """Execute a new search in a new subfolder of `output`.
 
     Raises:
-        InputError: a plugin cannot be used, or the first batch cannot be made.
+        InputError: a plugin cannot be used, containers are limited to what is no amount, or the
+            first batch cannot be made.
         CannotRunError: the runtime is not usable; nothing was started or created.
         StorageError: `output` cannot be written.
     """
+    check_limits(document)
     options = _without_ignored(options, observer.message)
     if options.runs is not None:
         document = with_runs(document, options.runs)

@@ -317,9 +317,36 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
         "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`.",
         "resources.memory: `8Gx` is not an amount of memory; write `8Gi` or `4096Mi`.",
         "resources.shm_size: `much` is not an amount of memory; write `8Gi` or `4096Mi`.",
-        "kubernetes.ephemeral_storage: `1GB` is not an amount of memory; write `8Gi` or `4096Mi`.",
+        "kubernetes.ephemeral_storage: `1GB` is not an amount of disk; write `8Gi` or `4096Mi`.",
     ):
         assert re.search(rf"^bad\.vast:\d+:\d+: execution\.{re.escape(said)}$", outcome.err, re.M)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("4", "`4` is 4 bytes; no run can do with less than 1Mi: did you mean `4Gi`?"),
+        ("4096", "`4096` is 4,096 bytes; no run can do with less than 1Mi: did you mean `4096Mi`?"),
+        ("4k", "`4k` is 4,000 bytes; no run can do with less than 1Mi: write `8Gi` or `4096Mi`."),
+    ],
+)
+def test_an_amount_without_its_unit_is_refused_wherever_runs_begin(
+    vast, folder: Path, given: str, said: str
+) -> None:
+    amounts = f"  resources: {{memory: {given}}}\n  kubernetes: {{ephemeral_storage: {given}}}\n"
+    (folder / "a.vast").write_text(HEAD + TAIL + amounts)
+    checked = vast("-V", "a.vast", "config", "check")
+    assert checked.code == 2
+    for key in ("resources.memory", "kubernetes.ephemeral_storage"):
+        assert f": execution.{key}: {said}" in checked.err
+    for begin in (["local", "run", "out"], ["local", "prepare-run", "out"]):
+        outcome = vast("-V", "a.vast", "exec", *begin)
+        assert outcome.code == 2
+        assert f"a.vast: execution.resources.memory: {said}" in outcome.err
+        assert not (folder / "out").exists()
+    outcome = vast("-V", "a.vast", "exec", "cluster", "run", "--dry-run")
+    assert outcome.code == 2
+    assert f"a.vast: resources.memory of execution: {said}" in outcome.err
 
 
 @pytest.mark.parametrize(("other", "code"), [("x: 1", 2), ("speed: 1", 3)])

@@ -3,7 +3,7 @@
 import pytest
 
 from robovast.base.errors import InputError
-from robovast.model.quantities import cpus, memory, resolve_per_context
+from robovast.model.quantities import cpus, memory, memory_limit, resolve_per_context
 
 
 @pytest.mark.parametrize(
@@ -19,6 +19,11 @@ def test_cpus(text: object, expected: float | None) -> None:
 )
 def test_memory(text: object, expected: int | None) -> None:
     assert memory(text, "memory") == expected
+
+
+@pytest.mark.parametrize(("text", "expected"), [(2**20, 2**20), ("1Mi", 2**20), (0, 0)])
+def test_a_limit_is_at_least_a_mebibyte_or_none(text: object, expected: int) -> None:
+    assert memory_limit(text, "memory") == expected
 
 
 @pytest.mark.parametrize("text", ["many", "-1", "0", "2 cores"])

@@ -163,7 +163,12 @@ def test_amounts_for_other_clusters_alone_are_refused(
         ("resources: {cpu: 4 cores}", r"resources\.cpu of execution: `4 cores` is not a number"),
         ("resources: {shm_size: much}", r"execution\.resources\.shm_size: `much` is not an amount"),
         ("resources: {shm_size: 2Gi, memory: 1Gi}", "no more than `memory`"),
-        ("kubernetes: {ephemeral_storage: 1GB}", r"\.ephemeral_storage: `1GB` is not an amount"),
+        (
+            "kubernetes: {ephemeral_storage: 1GB}",
+            r"storage: `1GB` is not an amount of disk",
+        ),
+        ("kubernetes: {ephemeral_storage: 20}", r"\.ephemeral_storage: `20` is .* mean `20Gi`"),
+        ("secondary_containers: [{nav: {resources: {memory: 4}}}]", r"of nav: `4` is 4 bytes"),
     ],
 )
 def test_amounts_that_no_pod_can_have_are_refused_before_anything_is_created(

@@ -286,6 +286,8 @@ def test_a_document_says_how_much_disk_a_pod_needs_within_what_is_allowed() -> N
     [
         ({"resources": {"shm_size": "2Gi", "memory": "1Gi"}}, "no more than `memory`"),
         ({"resources": {"shm_size": 0}}, "more than nothing"),
+        ({"resources": {"memory": 4}}, "did you mean `4Gi`"),
+        ({"kubernetes": {"ephemeral_storage": 20}}, "did you mean `20Gi`"),
         ({"kubernetes": {"gpu_resource": [{"gcp": "memory"}]}}, "no name of a resource"),
         ({"kubernetes": {"ephemeral_storage": "much"}}, "not an amount"),
     ],

@@ -24,7 +24,13 @@ from robovast.model.document.model import ConfigurationEntry
 from robovast.model.document.source import KeyPath
 from robovast.model.expansion import Variant
 from robovast.model.expansion.designed import design_sizes
-from robovast.model.quantities import LOCAL_CONTEXT, parse_cpus, parse_memory
+from robovast.model.quantities import (
+    LOCAL_CONTEXT,
+    parse_cpus,
+    parse_disk,
+    parse_memory,
+    parse_memory_limit,
+)
 from robovast.model.scenario import read_scenario
 from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
@@ -122,10 +128,10 @@ def _amounts(execution: Execution) -> Iterator[tuple[KeyPath, Any, Callable[[Any
         containers["secondary_containers", number] = container.resources
     for path, asked in containers.items():
         yield (*path, "cpu"), asked.cpu, parse_cpus
-        yield (*path, "memory"), asked.memory, parse_memory
+        yield (*path, "memory"), asked.memory, parse_memory_limit
     yield ("resources", "shm_size"), execution.resources.shm_size, parse_memory
     disk = execution.kubernetes.ephemeral_storage
-    yield ("kubernetes", "ephemeral_storage"), disk, parse_memory
+    yield ("kubernetes", "ephemeral_storage"), disk, parse_disk
 
 
 def _wrong_amounts(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:

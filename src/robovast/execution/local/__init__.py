@@ -24,6 +24,7 @@ from robovast.execution.local.choose import choose_runtime
 from robovast.execution.local.continuing import continued_session
 from robovast.execution.local.edited_inputs import record_inputs
 from robovast.execution.local.events import LocalOptions, Observer, Summary
+from robovast.execution.local.limits import check_limits
 from robovast.execution.local.prepare import open_shell, prepare_run
 from robovast.execution.local.replay import replay_run
 from robovast.execution.local.session import Session
@@ -52,10 +53,12 @@ def run_campaign(
     """Execute a new campaign in a new subfolder of `output`.
 
     Raises:
-        InputError: the document cannot be expanded, or no variant matches `options.select`.
+        InputError: the document cannot be expanded, limits containers to what is no amount, or no
+            variant matches `options.select`.
         CannotRunError: the runtime is not usable; nothing was started or created.
         StorageError: `output` cannot be written.
     """
+    check_limits(document)
     with TemporaryDirectory(prefix="robovast-") as scratch:
         composition = choose_variants(document, Path(scratch), options, observer.message)
         runs = options.runs or document.vast.execution.most_runs

@@ -22,6 +22,7 @@ from robovast.execution.local.choose import resolve_image
 from robovast.execution.local.container_runtime import X11_SOCKETS, ContainerRuntime
 from robovast.execution.local.docker_compose import MAIN, compose_model
 from robovast.execution.local.events import LocalOptions
+from robovast.execution.local.limits import check_limits
 from robovast.execution.local.runtime import Identity
 from robovast.execution.local.session import Session
 from robovast.execution.local.variants import campaign_seed, choose_variants
@@ -43,6 +44,7 @@ def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path
         InputError: the document cannot be expanded, or nothing matches `options.select`.
         StorageError: the folder cannot be written, or holds something else.
     """
+    check_limits(document)
     output = output.absolute()
     _make_room(output)
     with TemporaryDirectory(prefix="robovast-") as scratch:

@@ -6,28 +6,21 @@ import hashlib
 import os
 import socket
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from robovast.campaign.layout import Layout
 from robovast.execution.job_config import job_environment
 from robovast.execution.local.events import LocalOptions
+from robovast.execution.local.limits import main_limits, secondary_limits
 from robovast.execution.local.runtime import Identity, Limits, Runtime, StartSpec
 from robovast.execution.run_key import common_key, run_keys
 from robovast.model.document import Document
-from robovast.model.document.execution import Resources
 from robovast.model.document.section import merge_pairs
 from robovast.model.expansion import Variant
 from robovast.model.plan import PackStart, Run
-from robovast.model.quantities import (
-    cpus,
-    machine_cpus,
-    machine_memory,
-    memory,
-    resolve_per_context,
-    shared_memory,
-)
+from robovast.model.quantities import machine_cpus, machine_memory
 from robovast.model.scenario import Scenario, read_scenario
 
 DEFAULT_USER = 1000
@@ -65,17 +58,12 @@ class Session:
     @cached_property
     def limits(self) -> Limits:
         """Limits of the main container."""
-        resources = self.document.vast.execution.resources
-        shm = shared_memory(resources.shm_size, resources.memory)
-        return replace(_limits(resources, "execution.resources"), shm=shm)
+        return main_limits(self.document.vast.execution)
 
     @cached_property
     def secondaries(self) -> dict[str, Limits]:
         """Limits of each secondary container."""
-        return {
-            container.name: _limits(container.resources, f"secondary container `{container.name}`")
-            for container in self.document.vast.execution.secondary_containers
-        }
+        return secondary_limits(self.document.vast.execution)
 
     @property
     def jobs_side_by_side(self) -> int:
@@ -161,12 +149,3 @@ class Session:
             scenario_options=" ".join(flag for flag, given in flags.items() if given),
             user=merge_pairs(execution.env),
         )
-
-
-def _limits(resources: Resources, key: str) -> Limits:
-    gpus = resolve_per_context(resources.gpu, "local", f"{key}.gpu")
-    return Limits(
-        cpus=cpus(resources.cpu, f"{key}.cpu"),
-        memory=memory(resources.memory, f"{key}.memory"),
-        gpus=int(gpus) if gpus is not None else None,
-    )

@@ -1,0 +1,48 @@
+"""What a document limits the containers of a local run to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from robovast.base.errors import InputError
+from robovast.execution.local.runtime import Limits
+from robovast.model.document import Document
+from robovast.model.document.execution import Execution, Resources
+from robovast.model.quantities import cpus, memory_limit, resolve_per_context, shared_memory
+
+
+def check_limits(document: Document) -> None:
+    """Make sure that containers can be limited so, before anything of a campaign is made.
+
+    Raises:
+        InputError: an amount is none, or there is none for this machine.
+    """
+    try:
+        main_limits(document.vast.execution)
+        secondary_limits(document.vast.execution)
+    except InputError as error:
+        raise InputError(f"{document.source.file}: {error}") from None
+
+
+def main_limits(execution: Execution) -> Limits:
+    """Limits of the main container."""
+    resources = execution.resources
+    shm = shared_memory(resources.shm_size, resources.memory)
+    return replace(_limits(resources, "execution.resources"), shm=shm)
+
+
+def secondary_limits(execution: Execution) -> dict[str, Limits]:
+    """Limits of each secondary container."""
+    return {
+        container.name: _limits(container.resources, f"secondary container `{container.name}`")
+        for container in execution.secondary_containers
+    }
+
+
+def _limits(resources: Resources, key: str) -> Limits:
+    gpus = resolve_per_context(resources.gpu, "local", f"{key}.gpu")
+    return Limits(
+        cpus=cpus(resources.cpu, f"{key}.cpu"),
+        memory=memory_limit(resources.memory, f"{key}.memory"),
+        gpus=int(gpus) if gpus is not None else None,
+    )
