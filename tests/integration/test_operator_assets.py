@@ -111,6 +111,16 @@ def test_a_claim_is_mounted_once_it_is_there_and_its_owner_allows_that(
     assert mounted == {"robovast": both, "simulator": both}
 
 
+def test_gpus_that_are_named_and_not_asked_for_are_refused(
+    fake_cluster: Cluster, namespace: str, operator: OperatorProcess
+) -> None:
+    made = with_assets(namespace)
+    made["spec"]["vast"]["execution"]["kubernetes"] = {"gpu_resource": "amd.com/gpu"}
+    fake_cluster.apply(made)
+    told = rejection(fake_cluster, namespace, "InvalidDocument", operator)
+    assert "execution.kubernetes.gpu_resource: it says what `gpu` counts" in told
+
+
 def test_pods_ask_for_devices_by_the_templates_of_their_namespace(
     fake_cluster: Cluster, namespace: str, operator: OperatorProcess
 ) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from robovast.kubeapi.resources import ASSETS_LABEL
 from robovast.model.document.assets import Assets
+from robovast.model.document.gpus import NOT_COUNTED, REMEDY, asks_in_vain
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import mapping, mappings, metadata, text
@@ -30,6 +31,9 @@ class Needs:
 
     async def missing(self, accepted: Accepted) -> Rejected | None:
         """The rejection of a campaign that lacks something; None if all of it is there."""
+        if asks_in_vain(accepted.vast.execution):
+            message = f"execution.kubernetes.gpu_resource: {NOT_COUNTED}. {REMEDY}"
+            return Rejected("InvalidDocument", message)
         assets = accepted.vast.execution.kubernetes.assets
         for one in assets:
             if one.claim is not None:

@@ -25,6 +25,7 @@ from robovast.kubeapi.amounts import check_amounts
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
 from robovast.model.document import Document
+from robovast.model.document.gpus import check_gpus
 from robovast.model.document.problems import sentence
 from robovast.model.expansion import Selection, compose, patterns_of, select_any
 from robovast.model.expansion.containers import refuse_containers
@@ -198,6 +199,7 @@ def needs_context(document: Document) -> bool:
 
 def _check_amounts(document: Document, context: str | None) -> None:
     """Refuse what the cluster would refuse later."""
+    check_gpus(document)
     if context is None and needs_context(document):
         raise InputError(
             f"{document.source.file}: resources have a value for each cluster, by the context of "

@@ -349,6 +349,29 @@ def test_an_amount_without_its_unit_is_refused_wherever_runs_begin(
     assert f"a.vast: resources.memory of execution: {said}" in outcome.err
 
 
+def test_gpus_that_are_named_and_not_asked_for_are_refused_wherever_runs_begin(
+    vast, folder: Path
+) -> None:
+    gpus = HEAD + TAIL + "  kubernetes: {gpu_resource: amd.com/gpu}\n"
+    (folder / "a.vast").write_text(gpus)
+    for begin in (
+        ["config", "check"],
+        ["exec", "local", "run", "out"],
+        ["exec", "local", "prepare-run", "out"],
+        ["exec", "cluster", "run", "--dry-run"],
+    ):
+        outcome = vast("-V", "a.vast", *begin)
+        assert outcome.code == 2
+        told = r"^(error: )?a\.vast:\d+:\d+: execution\.kubernetes\.gpu_resource: .* has `gpu`"
+        assert re.search(told, outcome.err, re.M)
+        assert "Add `gpu` to `execution.resources`" in outcome.err
+        assert not (folder / "out").exists()
+    (folder / "a.vast").write_text(
+        gpus + "  secondary_containers: [{sim: {resources: {gpu: 0}}}]\n"
+    )
+    assert vast("-V", "a.vast", "config", "check").code == 0
+
+
 @pytest.mark.parametrize(("other", "code"), [("x: 1", 2), ("speed: 1", 3)])
 def test_a_package_that_a_plugin_lacks_is_no_fault_of_the_file(
     vast, folder: Path, other: str, code: int

@@ -122,7 +122,7 @@ def test_only_what_a_user_says_stands_beside_the_document(document: Document) ->
     [
         "resources: {cpu: [{gcp-c4: 4}, {local: 8}]}",
         "resources: {shm_size: [{gcp-c4: 1Gi}, {local: 2Gi}]}",
-        "kubernetes: {gpu_resource: [{gcp-c4: nvidia.com/mig-1g.5gb}]}",
+        "kubernetes: {gpu_resource: [{gcp-c4: nvidia.com/mig-1g.5gb}]}\n  resources: {gpu: 1}",
         "kubernetes: {ephemeral_storage: [{gcp-c4: 8Gi}]}",
     ],
 )

@@ -20,6 +20,7 @@ from robovast.execution.local.scenario_syntax import check_syntax
 from robovast.model.designs import coverages, rows_of
 from robovast.model.document import Document
 from robovast.model.document.execution import Execution, Resources
+from robovast.model.document.gpus import check_gpus
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.document.source import KeyPath
 from robovast.model.expansion import Variant
@@ -65,6 +66,8 @@ def print_check(document: Document) -> None:
     errors: list[RobovastError] = []
     with _noted(errors):
         _check_resources(document)
+    with _noted(errors):
+        check_gpus(document)
     with _noted(errors):
         check_syntax(document.scenario)
     with _noted(errors):

@@ -8,6 +8,7 @@ from robovast.base.errors import InputError
 from robovast.execution.local.runtime import Limits
 from robovast.model.document import Document
 from robovast.model.document.execution import Execution, Resources
+from robovast.model.document.gpus import check_gpus
 from robovast.model.quantities import cpus, memory_limit, resolve_per_context, shared_memory
 
 
@@ -16,7 +17,9 @@ def check_limits(document: Document) -> None:
 
     Raises:
         InputError: an amount is none, or there is none for this machine.
+        DocumentError: GPUs are named, and none is asked for.
     """
+    check_gpus(document)
     try:
         main_limits(document.vast.execution)
         secondary_limits(document.vast.execution)
