@@ -31,7 +31,7 @@ class PodLimit:
     own: int
     """How many of them it may have now; it keeps those that it has."""
     taken: bool
-    """Whether others have all of them."""
+    """Whether others have all of them, or will: they come before it."""
     has: int = 0
     """How many it has."""
     waiting: tuple[Key, ...] = ()
@@ -43,7 +43,8 @@ class PodLimit:
         pods = "1 pod" if self.most == 1 else f"{self.most} pods"
         return (
             f"the namespace may have {pods} of runs at a time (`operator.podLimits` of the "
-            "installation), and other campaigns have them; it gets its share as they end"
+            "installation), and other campaigns have them, or come first; it gets its share as "
+            "they end"
         )
 
 
@@ -77,11 +78,12 @@ def pod_limit(limits: Mapping[str, int], store: Store, own: Identity) -> PodLimi
         return None
     others = sum(claim.has for key, claim in claims.items() if key != own.key)
     wanted = [0 if c.stuck and key != own.key else c.wanted for key, c in claims.items()]
-    share = shares(most, wanted)[list(claims).index(own.key)]
+    place = list(claims).index(own.key)
+    share = shares(most, wanted)[place]
     return PodLimit(
         most,
         own=max(0, min(share, most - others)),
-        taken=others >= most,
+        taken=others >= most or share < min(1, wanted[place]),
         has=claims[own.key].has,
         waiting=tuple(key for key in claims if _waits(store.campaigns[key])),
     )

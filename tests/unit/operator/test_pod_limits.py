@@ -77,6 +77,21 @@ def test_a_campaign_alone_may_have_all_and_two_have_half() -> None:
     assert own(store, two) == (4, False)
 
 
+def test_who_has_no_share_waits_even_while_pods_are_free_for_a_moment() -> None:
+    """Older campaigns are about to take them: it would else seem to begin again and again."""
+    store = Store()
+    older = [put(store, name, second, RUNNING) for second, name in enumerate(("one", "two"))]
+    last = put(store, "last", 5, {"state": "Queued"})
+    assert own(store, last, 2) == (0, True)
+    assert own(store, older[0], 2) == (1, False)
+    put_job(store, older[0], 1)
+    found = pod_limit({last.namespace: 2}, store, last)
+    assert found is not None
+    assert found.taken
+    assert "other campaigns have them, or come first" in found.told
+    assert own(store, put(store, "last", 5, {"state": "Finished"}), 2) == (0, False)
+
+
 @pytest.mark.parametrize(
     ("status", "spec"),
     [
