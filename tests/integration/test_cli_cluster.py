@@ -679,6 +679,28 @@ def test_no_part_is_left_behind_when_nobody_says_whether_the_last_was_created(
     assert operator.names() == []
 
 
+def test_a_part_that_is_deleted_ends_the_following_of_no_other(
+    vast: Vast, operator: Operator, contexts: list[str], known_cluster: Cluster, namespace: str
+) -> None:
+    def happen() -> None:
+        gone, other = eventually(lambda: len(operator.names()) == 2 and sorted(operator.names()))
+        known_cluster.kubectl("delete", "campaign", gone, f"--namespace={namespace}")
+        operator.report(other, state="Running", runs={"passed": 1})
+        operator.report(other, state="Finished", runs={"passed": 25, "failed": 1})
+
+    happening = threading.Thread(target=happen)
+    happening.start()
+    outcome = vast("run", *contexts)
+    happening.join()
+    (other,) = operator.names()
+    gone = other.replace("-2of2", "-1of2")
+    assert "25 passed, 1 failed" in outcome.out
+    assert f"Results: vast results download -i {other} --context b" in outcome.out
+    last = f"error: {gone} was deleted from the cluster of a (namespace {namespace})."
+    assert outcome.err.splitlines()[-1] == last
+    assert outcome.code == 3
+
+
 def record_of(campaign: str, variant: str) -> bytes:
     """The record of a run that has passed."""
     texts = ("", "", "", 1.0, 0, 1, "job-1", "", "", "", "")

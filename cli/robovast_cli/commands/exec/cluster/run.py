@@ -13,7 +13,7 @@ from typing import Any, Literal
 import yaml
 
 from robovast.base.environment import environment
-from robovast.base.errors import CannotRunError, ExitCode, RobovastError
+from robovast.base.errors import ExitCode, RobovastError
 from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
@@ -27,6 +27,7 @@ from robovast_cli.kube.status import CampaignState
 from robovast_cli.kube.store import installed_place, open_store
 from robovast_cli.ui.cluster_view import follow_view
 from robovast_cli.ui.output import say
+from robovast_cli.ui.report import tell
 
 INTERVAL = 1.0
 """Time between two looks at a campaign [s]."""
@@ -92,7 +93,7 @@ def run(
         if detach:
             _say_how_to_go_on(parts, download)
             return ExitCode.OK
-        return _follow(parts, download)
+        return _follow(parts, contexts, download)
 
 
 def _where(kube: Kubernetes, contexts: Sequence[str]) -> str:
@@ -152,27 +153,47 @@ def _prepared(
     return prepare_submission(document, chosen, name, kube.namespace)
 
 
-def _follow(parts: Sequence[Part], download: str) -> ExitCode:
-    """Show campaigns until they end; Ctrl-C ends only that.
+def _follow(parts: Sequence[Part], contexts: Sequence[str], download: str) -> ExitCode:
+    """Show campaigns until they end, or are gone; Ctrl-C ends only that.
 
     Args:
         parts: the campaign, or its parts.
+        contexts: those that the user named.
         download: the command that fetches its results.
     """
     try:
         with follow_view() as view:
             for states in _states(parts):
-                view.update(states)
+                view.update([state for state in states if state is not None])
     except KeyboardInterrupt:
         say(f"\nNo longer followed: {_goes_on(parts)}.")
         _say_how_to_go_on(parts, download)
         return ExitCode.INTERRUPTED
-    for state in states:
+    return _end(parts, states, contexts, download)
+
+
+def _end(
+    parts: Sequence[Part],
+    states: Sequence[CampaignState | None],
+    contexts: Sequence[str],
+    download: str,
+) -> ExitCode:
+    """Say how campaigns have ended, and which are gone."""
+    ends = [state for state in states if state is not None]
+    for state in ends:
         part = f"{state.name}: " if len(states) > 1 else ""
         for line in state.summary():
             say(f"{part}{line}")
-    say(f"Results: {download}")
-    return worst(state.exit_code for state in states)
+    gone = [part for part, state in zip(parts, states, strict=True) if state is None]
+    codes = [state.exit_code for state in ends]
+    if not gone:
+        say(f"Results: {download}")
+        return worst(codes)
+    for left in (part for part in parts if part not in gone):
+        say(f"Results: vast results download -i {left.campaign.name}{left.kube.given}")
+    for lost in gone:
+        tell(f"error: {lost.campaign.name} was deleted from {_where(lost.kube, contexts)}.")
+    return worst([*codes, ExitCode.CANNOT_RUN])
 
 
 def _goes_on(parts: Sequence[Part]) -> str:
@@ -190,27 +211,25 @@ def _say_how_to_go_on(parts: Sequence[Part], download: str) -> None:
     say(f"Results:  {download}")
 
 
-def _states(parts: Sequence[Part]) -> Iterator[list[CampaignState]]:
-    """The campaigns again and again until all are finished; an API server may be gone a while."""
-    states = [part.campaign for part in parts]
+def _states(parts: Sequence[Part]) -> Iterator[list[CampaignState | None]]:
+    """The campaigns again and again until none goes on; an API server may be gone a while."""
+    states: list[CampaignState | None] = [part.campaign for part in parts]
     yield states
-    while not all(state.finished for state in states):
+    while not all(state is None or state.finished for state in states):
         time.sleep(INTERVAL)
         states = [_next_state(part.kube, s) for part, s in zip(parts, states, strict=True)]
         yield states
 
 
-def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState:
-    """The campaign as it is now; as it was when the API server cannot be reached."""
-    if state.finished:
+def _next_state(kube: Kubernetes, state: CampaignState | None) -> CampaignState | None:
+    """The campaign as it is now, None once it is gone; as before without an API server."""
+    if state is None or state.finished:
         return state
     try:
         found = kube.campaign(state.name)
     except UnreachableError:
         return state
-    if found is None:
-        raise CannotRunError(f"the campaign {state.name} was deleted meanwhile.")
-    return CampaignState(found)
+    return CampaignState(found) if found is not None else None
 
 
 def _upload(kube: Kubernetes, submission: Submission) -> None:
