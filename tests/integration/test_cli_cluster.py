@@ -27,6 +27,7 @@ from support.kube.fake_cluster import SETTINGS
 from support.patience import PATIENCE, eventually
 from support.servers.shares import PASSWORD, USER, webdav_server
 
+from robovast.base import atomic
 from robovast.base.errors import InputError
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
@@ -36,6 +37,7 @@ from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 from robovast_cli.commands.exec.cluster import run as cluster_run
 from robovast_cli.commands.exec.cluster import share_jobs
+from robovast_cli.commands.results import parts as results_parts
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import UnreachableError
 from robovast_cli.main import command
@@ -710,33 +712,54 @@ def record_of(campaign: str, variant: str) -> bytes:
         return (Path(folder) / "run.json").read_bytes()
 
 
-@one_make
-def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
+@dataclass(frozen=True)
+class Divided:
+    """A campaign of two parts, which have ended, each with a run in a bucket."""
+
+    name: str
+    parts: list[str]
+    store: ObjectStore
+
+    def add_run(self, part: str, run: str, record: bytes) -> None:
+        self.store.put_bytes(part, f"{run}/test.xml", b"<testsuite/>")
+        self.store.put_bytes(part, f"{run}/run.json", record)
+
+
+@pytest.fixture
+def divided(
     vast: Vast,
     operator: Operator,
     contexts: list[str],
     s3_server: Server,
     known_cluster: Cluster,
     namespace: str,
-    tmp_path: Path,
-) -> None:
+) -> Iterator[Divided]:
     credentials = Credentials(s3_server.access_key, s3_server.secret_key)
     endpoint = f"http://{s3_server.endpoint}"
     store = ObjectStore(Endpoint.parse(endpoint), credentials, patience=20)
     known_cluster.apply(secret("robovast-storage", namespace, s3_server))
     vast("run", "--detach", *contexts)
     parts = sorted(operator.names())
-    name = parts[0].removesuffix("-1of2")
-    assert parts == [f"{name}-1of2", f"{name}-2of2"]
+    made = Divided(parts[0].removesuffix("-1of2"), parts, store)
+    assert parts == [f"{made.name}-1of2", f"{made.name}-2of2"]
     for part in parts:
+        hall = f"hall-{part[-4]}"
         store.make_bucket(part)
         store.put_bytes(part, "_config/growth_sim.vast", b"")
-        hall = f"hall-{part[-4]}"
         store.put_bytes(part, f"{hall}/_config/config.yaml", b"")
-        store.put_bytes(part, f"{hall}/0/test.xml", b"<testsuite/>")
-        store.put_bytes(part, f"{hall}/0/run.json", record_of(part, hall))
+        made.add_run(part, f"{hall}/0", record_of(part, hall))
         place = {"bucket": part, "campaign": f"{part}-2026-03-05-120000", "endpoint": endpoint}
         operator.report(part, state="Finished", runs={"passed": 13}, **place)
+    yield made
+    for part in parts:
+        store.delete_bucket(part)
+
+
+@one_make
+def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
+    vast: Vast, operator: Operator, contexts: list[str], divided: Divided, tmp_path: Path
+) -> None:
+    name, parts = divided.name, divided.parts
     home = ("download", "-i", name, "-o", "home")
     operator.report(parts[1], state="Failed")
     early = vast(*home, *contexts, group=("results",))
@@ -769,8 +792,57 @@ def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
     assert (
         f"alone/named-2026-03-05-120000 is there already, and is not all of {name}" in refused.err
     )
-    for part in parts:
-        store.delete_bucket(part)
+
+
+@one_make
+def test_parts_of_which_runs_are_left_out_stay(
+    vast: Vast, contexts: list[str], divided: Divided, tmp_path: Path
+) -> None:
+    divided.add_run(divided.parts[1], "hall-2/1", b'{"job": "of another version"}')
+    home = ("download", "-i", divided.name, "-o", "home", *contexts)
+    place = tmp_path / "home" / f".{divided.name}-parts"
+    left_out = place / f"{divided.parts[1]}-2026-03-05-120000" / "hall-2/1"
+    outcome = vast(*home, group=("results",))
+    assert outcome.code == 0
+    assert "hall-2/1: left out" in outcome.out
+    assert f"These runs are in home/{place.name}, where the parts stay" in outcome.out
+    assert (left_out / "test.xml").is_file()
+    again = vast(*home, group=("results",))
+    assert "already" in again.out
+    assert (left_out / "test.xml").is_file()
+
+
+@one_make
+@pytest.mark.parametrize("moment", ["before the removal", "amid the removal"])
+def test_a_removal_of_parts_that_is_interrupted_loses_nothing_and_is_made_up_for(
+    vast: Vast,
+    contexts: list[str],
+    divided: Divided,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    moment: str,
+) -> None:
+    home = ("download", "-i", divided.name, "-o", "home", *contexts)
+
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+
+        def begin(folder: Path) -> None:
+            patch.setattr(atomic, "_remove", interrupt)
+            atomic.discard(folder)
+
+        amid = moment == "amid the removal"
+        patch.setattr(results_parts, "discard", begin if amid else interrupt)
+        assert vast(*home, group=("results",)).code == 130
+    left = list((tmp_path / "home").iterdir())
+    assert len(left) == 2
+    assert all(len(list(one.glob("**/hall-*/0/test.xml"))) == 2 for one in left)
+    again = vast(*home, group=("results",))
+    assert (again.code, again.err) == (0, "")
+    (merged,) = (tmp_path / "home").iterdir()
+    assert len(list(merged.glob("hall-*/0/test.xml"))) == 2
 
 
 PACK_LOG = "[robovast] job x\n[robovast] run {0}\nof the first\n[robovast] run {1}\nof the second\n"

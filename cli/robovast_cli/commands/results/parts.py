@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from robovast.base.atomic import discard
+from robovast.base.atomic import discard, sweep
 from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
 from robovast.campaign.merge import origins
@@ -59,6 +59,7 @@ def _download_divided(
         if target.exists():
             _check_whole(target, name, len(parts))
             if not force:
+                _tidy(place, target)
                 say(
                     f"{name} is in {shown(target)} already, as it was then. `-f` fetches it again "
                     "and replaces that folder: for runs that were repeated or added since."
@@ -78,6 +79,19 @@ def _download_divided(
         say(f"These runs are in {shown(place)}, where the parts stay as they are.")
     else:
         discard(place)
+
+
+def _tidy(place: Path, merged: Path) -> None:
+    """Remove parts that an interrupted command has left, unless the merge has left out any runs."""
+    sweep(place.parent)
+    if place.is_dir():
+        runs = sum(_runs_in(part) for part in place.iterdir() if part.is_dir())
+        if runs == _runs_in(merged):
+            discard(place)
+
+
+def _runs_in(campaign: Path) -> int:
+    return sum(1 for _ in Layout(campaign).run_folders())
 
 
 def _parts(clusters: Sequence[Kubernetes], name: str) -> list[Part]:
