@@ -50,7 +50,7 @@ from robovast_operator.planning.proposals import first_plan
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import shard_job, task_job, upload_job
 from robovast_operator.pods.pod_status import trouble_of
-from robovast_operator.pods.reports import composed_of, proposed_of
+from robovast_operator.pods.reports import composed_of, given_up_of, proposed_of
 from robovast_operator.pods.tries import NO_WORD, Tries
 from robovast_operator.settings import Settings
 from robovast_operator.snapshot import Snapshot
@@ -300,6 +300,9 @@ class Reconciler:
         pods = [pod async for pod in self._diagnosis.pods_of(job)]
         if not pods:
             return None
+        given_up = given_up_of(job.namespace, job.name, pods)
+        if given_up is not None:
+            return Rejected(given_up.reason, given_up.message)
         found = trouble_of(pods)
         reason = found.reason if found is not None and found.final else "InvalidDocument"
         limit = self._settings.variant_limit

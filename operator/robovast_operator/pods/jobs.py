@@ -35,6 +35,8 @@ RETRIES_PER_INDEX = 6
 """A pack that loses its pod goes on after its last stored run this often."""
 
 TASK_RETRIES = 20
+COMPOSE_RETRIES = 5
+"""Nothing is lost yet when a document cannot be expanded; after 10 s, 20 s, … another pod tries."""
 
 NOTIFY_RETRIES = 6
 """Retries of one receiver; the Job waits for 10 s, 20 s, … in between."""
@@ -92,7 +94,7 @@ def task_job(
     """The Job of a task on the whole campaign: compose, propose, finish, process or purge."""
     job = _job(accepted.identity, name, command, {})
     job["spec"] |= {
-        "backoffLimit": TASK_RETRIES,
+        "backoffLimit": COMPOSE_RETRIES if command == "compose" else TASK_RETRIES,
         **failure_policy(
             on_exit("FailJob", command, USELESS),
             on_exit("Ignore", command, [AgentExit.STORAGE]),

@@ -5,7 +5,7 @@ Anybody may have written them: an invalid message counts as none.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -25,8 +25,8 @@ from robovast.model.repetition import GroupSizes
 from robovast_operator.kube.lenient import ranges, time
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
-from robovast_operator.pods.findings import Final
-from robovast_operator.pods.pod_status import ending_of, index_of, message_of
+from robovast_operator.pods.findings import Final, Trouble
+from robovast_operator.pods.pod_status import ending_of, index_of, message_of, trouble_of
 from robovast_operator.pods.verdicts import Report
 
 _ALL_STORED = {AgentExit.FAILED: Report(failed=1), AgentExit.ERRORED: Report(errored=1)}
@@ -129,6 +129,20 @@ def composed_of(pods: Iterable[Object]) -> Composed | str | None:
 def proposed_of(pods: Iterable[Object]) -> Proposed | str | None:
     """The result of a propose Job; its message if it failed."""
     return _result_of(pods, "propose", Proposed)
+
+
+def given_up_of(namespace: str, job: str, pods: Sequence[Object]) -> Trouble | None:
+    """Why a task's Job was given up, by its last pod; None if that has found anything out."""
+    last = max(pods, key=lambda pod: str(pod["metadata"]["creationTimestamp"]))
+    found = trouble_of([last])
+    if found is None or found.final:
+        return None
+    told = (
+        f"{len(pods)} pods of the Job {job} have failed, the last one so: "
+        f"{found.message.rstrip('. ')}. Once the cause is gone, `kubectl delete job -n {namespace} "
+        f"{job}` lets another Job try."
+    )
+    return Trouble(found.reason, told)
 
 
 Result = TypeVar("Result", Composed, Proposed)

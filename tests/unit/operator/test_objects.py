@@ -438,6 +438,11 @@ def test_tasks_run_our_own_image_alone() -> None:
     assert container["image"] == SETTINGS.agent_image
 
 
+def test_what_cannot_be_composed_is_given_up_within_minutes_and_results_for_hours() -> None:
+    made = (task_job(accepted(), SETTINGS, c, c, "plan") for c in ("compose", "finish"))
+    assert [job["spec"]["backoffLimit"] for job in made] == [5, 20]
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -18,7 +18,7 @@ from robovast_operator.kube.events import messages
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.work_queue import WorkQueue, work
 from robovast_operator.pods.pod_status import is_stuck, sighted, trouble_of, trouble_of_events
-from robovast_operator.pods.reports import composed_of, final_of, reports_of
+from robovast_operator.pods.reports import composed_of, final_of, given_up_of, reports_of
 from robovast_operator.pods.verdicts import Report
 
 
@@ -167,6 +167,30 @@ def test_a_compose_job_gives_counts_or_its_message() -> None:
     )
     assert composed_of([pod(0, ended("compose", 1, "Killed"))]) == "Killed"
     assert composed_of([]) is None
+
+
+def test_a_compose_job_that_was_given_up_says_how_its_last_container_ended() -> None:
+    killed = ended("compose", 137)
+    killed["state"]["terminated"]["reason"] = "OOMKilled"
+    crashed = ended("compose", 1, "Traceback …\nKeyError: 'x'")
+    times = [f"2026-01-01T00:0{minute}:00Z" for minute in range(3)]
+    pods = [pod(0, crashed, created=times[0]), pod(0, killed, created=times[1])]
+    found = given_up_of("lab", "drive-compose", [*reversed(pods)])
+    assert found is not None
+    assert found.reason == "OutOfMemory"
+    assert found.message == (
+        "2 pods of the Job drive-compose have failed, the last one so: the container compose needs "
+        "more memory than its limit. Once the cause is gone, `kubectl delete job -n lab "
+        "drive-compose` lets another Job try."
+    )
+    found = given_up_of("lab", "drive-compose", [*pods, pod(0, crashed, created=times[2])])
+    assert found is not None
+    assert found.reason == "Container"
+    assert "the last one so: the container compose fails (exit 1: Traceback" in found.message
+    wrong = pod(0, ended("compose", 65, '{"error": "bad.vast: no"}'), created=times[2])
+    assert given_up_of("lab", "drive-compose", [*pods, wrong]) is None, "its own message says it"
+    done = pod(0, ended("compose", 0, '{"counts": [1]}'), created=times[2])
+    assert given_up_of("lab", "drive-compose", [*pods, done]) is None
 
 
 def later(condition: Condition) -> Condition:
