@@ -36,7 +36,7 @@ from support.gauntlet.jury import executions, judge  # noqa: E402
 from support.gauntlet.play import Gauntlet  # noqa: E402
 from support.gauntlet.verdict import Fault, Violation, crowded  # noqa: E402
 from support.gauntlet.watch import Watch  # noqa: E402
-from support.kube.lab import SYSTEM, Lab, install, make_lab  # noqa: E402
+from support.kube.lab import EMBEDDED, SYSTEM, Lab, install, make_lab  # noqa: E402
 
 NAMESPACES = ("north", "south")
 LIMITS = {"north": 3}
@@ -61,7 +61,8 @@ def arena(folder: Path) -> Iterator[tuple[Arena, list[Lab], Path]]:
             add_disk(own, cluster.folder / "volumes" / str(index), "600m")
         add_disk(own, NODE_DISK, "600m")
         node.start(cluster, [images.archive()])
-        install(cluster, **{f"operator.podLimits.{name}": str(n) for name, n in LIMITS.items()})
+        limits = {f"operator.podLimits.{name}": str(most) for name, most in LIMITS.items()}
+        install(cluster, EMBEDDED | limits)
         cluster.kubectl(
             *("--namespace", SYSTEM, "scale", "deployment/robovast-page", "--replicas=0")
         )

@@ -6,7 +6,6 @@ Pods of runs end when the test says so, and as it says.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,6 @@ from robovast_testbed.pytest_plugin import skipped_when_unavailable
 from support.kube.carried_files import inputs_of, plan_of, shown
 from support.kube.operator_process import (
     FINISH_STAGE,
-    ROOT,
     NewOperator,
     OperatorProcess,
     campaign,
@@ -30,7 +28,16 @@ from support.kube.operator_process import (
     finished,
     status,
 )
-from support.kube.worker_clusters import EXIT_CODE, Fleet, fleet, local_queue, queue
+from support.kube.worker_clusters import (
+    EXIT_CODE,
+    Fleet,
+    documented,
+    fleet,
+    local_queue,
+    look_at,
+    queue,
+    until_reached,
+)
 from support.patience import eventually
 
 MIXED = {"total": 6, "passed": 5, "failed": 1, "errored": 0}
@@ -38,12 +45,6 @@ SHARD = "robovast.io/role=shard"
 INDEX = "batch.kubernetes.io/job-completion-index"
 SOUTH, BOTH = "workers", "both"
 """Queues that lead to the worker `south`, and to this or `north`."""
-
-
-def documented(page: str = (ROOT / "docs/cluster-admin.md").read_text()) -> list[Any]:
-    """The objects by which the admin's page leads a queue to the worker `south`."""
-    (block,) = re.findall(r"```yaml\n(apiVersion: kueue.*?)```", page, re.DOTALL)
-    return list(yaml.safe_load_all(block))
 
 
 def leading_to_both() -> list[Any]:
@@ -173,21 +174,6 @@ class Lab:
         self.until(lambda: self.finished(name))
         assert self.runs(name) == (0, 6, 0)
 
-    def look_at(self, kind: str) -> None:
-        """Let Kueue look at all objects of a kind now."""
-        mark = f"robovast.test/look={uuid4().hex}"
-        self.kubectl("manager", "annotate", kind, "--all", "--overwrite", mark)
-
-    def until_reached(self, worker: str) -> None:
-        """Wait until Kueue reaches a worker again, for which it would look ever less often."""
-
-        def reached() -> bool:
-            self.look_at("multikueueclusters")
-            found: Any = self.clusters.manager.get("multikueueclusters", worker)
-            return condition(found["status"], "Active")["status"] == "True"
-
-        self.until(reached)
-
     def left(self, where: str) -> str:
         """What a worker has of campaigns, by name."""
         return self.kubectl(where, "get", "jobs,pods,workloads", "--output=name")
@@ -243,7 +229,7 @@ def test_a_worker_that_was_lost_for_a_while_goes_on_where_it_was(lab: Lab) -> No
     with lab.clusters.workers["south"].cable.pulled():
         lab.until(lambda: lab.stalled("few") == "WorkerLost")
         lab.end("south", 2, 3)
-    lab.until_reached("south")
+    until_reached(lab.clusters.manager, "south")
     lab.until(lambda: lab.runs("few") == (2, 4, 0))
     lab.until(lambda: not lab.stalled("few"))
     lab.end("south", 4, 5)
@@ -267,7 +253,7 @@ def test_another_worker_goes_on_when_one_is_lost_for_long(lab: Lab) -> None:
         lab.end_all(other, "few")
         lab.kubectl("manager", "delete", "campaign", "few")
         lab.until(lambda: not lab.left(other))
-    lab.until_reached(first)
+    until_reached(lab.clusters.manager, first)
     lab.until(lambda: not lab.left(first))
 
 
@@ -284,10 +270,10 @@ def test_a_worker_that_was_given_up_may_take_the_same_campaign_again(lab: Lab) -
 
     def executed_anew() -> bool:
         """Kueue offers a Job to a worker that is back when it has another reason to look at it."""
-        lab.look_at("workloads")
+        look_at(lab.clusters.manager, "workloads", f"--namespace={lab.namespace}")
         return lab.executes("south")
 
-    lab.until_reached("south")
+    until_reached(lab.clusters.manager, "south")
     lab.until(executed_anew)
     lab.change("north", "clusterqueue", "own", {"stopPolicy": "None"})
     lab.end_all("south", "few")

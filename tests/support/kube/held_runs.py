@@ -11,11 +11,11 @@ HELD = "until [ -e /tmp/go ]; do sleep 0.5; done\n"
 """What such a run executes; it writes nothing."""
 
 
-def release(lab: Lab, campaign: str) -> None:
-    """Let the runs end that the pods of a campaign execute now."""
+def release(lab: Lab, campaign: str, most: int | None = None) -> None:
+    """Let the runs end that the pods of a campaign execute now, or some of these."""
     shards = f"--selector=robovast.io/campaign={campaign},robovast.io/role=shard"
     running = ("--field-selector=status.phase=Running", "--output=name")
-    for pod in lab.kubectl("get", "pods", shards, *running).split():
+    for pod in lab.kubectl("get", "pods", shards, *running).split()[:most]:
         lab.kubectl("exec", pod, "--container=robovast", "--", "touch", "/tmp/go")
 
 

@@ -46,32 +46,37 @@ execution:
 """
 
 
-def install(cluster: Cluster, **values: str) -> None:
-    """Install RoboVAST, S3 server included, by its chart with some values of the caller's own."""
+EMBEDDED = {
+    "storage.embedded.image": images.S3,
+    "storage.embedded.size": "1Gi",
+    "page.enabled": "true",
+    "page.every": "3",
+}
+"""Values of the chart for its own S3 server, with the page of its buckets."""
+
+
+def install(cluster: Cluster, given: Mapping[str, str] = EMBEDDED) -> None:
+    """Install RoboVAST by its chart, with an S3 server unless values say otherwise."""
     containerd.of(cluster.bed).load(images.agent_archive())
     label = {"pod-security.kubernetes.io/enforce": "restricted"}
     metadata = {"name": SYSTEM, "labels": label}
     cluster.apply({"apiVersion": "v1", "kind": "Namespace", "metadata": metadata})
-    install_chart(cluster, ROOT / "helm/robovast", values)
+    install_chart(cluster, ROOT / "helm/robovast", given)
 
 
-def install_chart(cluster: Cluster, chart: Path, own: Mapping[str, str] | None = None) -> None:
+def install_chart(cluster: Cluster, chart: Path, given: Mapping[str, str] = EMBEDDED) -> None:
     """Install or upgrade from a chart, with images that the cluster's node has."""
     values = {
         "operator.image": images.AGENT,
         "agent.image": images.AGENT,
         "example.image": images.SLIM,
-        "storage.embedded.image": images.S3,
-        "storage.embedded.size": "1Gi",
-        "page.enabled": "true",
-        "page.every": "3",
-        **(own or {}),
+        **given,
     }
-    given = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
+    words = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]
     helm(
         cluster,
         *("upgrade", "--install", "robovast", chart, "--namespace", SYSTEM),
-        *("--wait", "--timeout", "5m", *given),
+        *("--wait", "--timeout", "5m", *words),
     )
 
 

@@ -5,16 +5,20 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
+from uuid import uuid4
 
+import yaml
 from robovast_testbed import bed, controlplane, kueue, kwok, network
 from robovast_testbed.kubernetes import Cluster
 
-from support.kube.operator_process import prepare
+from support.kube.operator_process import ROOT, condition, prepare
+from support.patience import eventually
 
 API = "kueue.x-k8s.io/v1beta1"
 MULTIKUEUE = {"workerLostTimeout": "5s", "gcInterval": "10s"}
@@ -106,21 +110,50 @@ def fleet(names: Sequence[str], stages: list[str]) -> Iterator[Fleet]:
             stack.enter_context(bed.session(f"pytest-{os.getpid()}-{name}"))
             for name in ("manager", *names)
         ]
-        manager, *others = pool.map(_with_kueue, beds)
+        manager, *others = pool.map(with_kueue, beds)
         prepare(manager, 1, stages)
         workers = {}
         for number, (name, worker) in enumerate(zip(names, others, strict=True)):
             kwok.start(worker, 1, stages=RUN_STAGES)
             worker.apply(*queue("own"))
             workers[name] = Worker(worker, network.connect(manager.bed, worker.bed, number))
-            manager.apply(_access(name, workers[name]))
+            manager.apply(access(name, workers[name]))
         yield Fleet(manager, workers)
 
 
-def _with_kueue(own: bed.Bed) -> Cluster:
+def with_kueue(own: bed.Bed) -> Cluster:
+    """A control plane with Kueue, which gives a silent worker up soon."""
     made = controlplane.start(own)
     kueue.start(made, MULTIKUEUE)
     return made
+
+
+def documented(page: str = (ROOT / "docs/cluster-admin.md").read_text()) -> list[Any]:
+    """The objects by which the admin's page leads a queue to the worker `south`."""
+    (block,) = re.findall(r"```yaml\n(apiVersion: kueue.*?)```", page, re.DOTALL)
+    return list(yaml.safe_load_all(block))
+
+
+def look_at(manager: Cluster, *kind: str) -> None:
+    """Let Kueue look at all objects of a kind now."""
+    mark = f"robovast.test/look={uuid4().hex}"
+    manager.kubectl("annotate", *kind, "--all", "--overwrite", mark)
+
+
+def reached(manager: Cluster, worker: str) -> bool:
+    """Whether Kueue reaches a worker."""
+    found: Any = manager.get("multikueueclusters", worker)
+    return condition(found["status"], "Active")["status"] == "True"
+
+
+def until_reached(manager: Cluster, worker: str) -> None:
+    """Wait until Kueue reaches a worker again, for which it would look ever less often."""
+
+    def looked() -> bool:
+        look_at(manager, "multikueueclusters")
+        return reached(manager, worker)
+
+    eventually(looked, told=lambda: manager.kubectl("get", "multikueueclusters", "--output=yaml"))
 
 
 def queue(name: str, *checks: str) -> list[dict[str, Any]]:
@@ -128,11 +161,11 @@ def queue(name: str, *checks: str) -> list[dict[str, Any]]:
     quota = [{"name": "cpu", "nominalQuota": "100"}, {"name": "memory", "nominalQuota": "1Ti"}]
     group = {
         "coveredResources": ["cpu", "memory"],
-        "flavors": [{"name": "fake", "resources": quota}],
+        "flavors": [{"name": "any", "resources": quota}],
     }
     spec = {"namespaceSelector": {}, "resourceGroups": [group], "admissionChecks": checks}
     return [
-        {"apiVersion": API, "kind": "ResourceFlavor", "metadata": {"name": "fake"}},
+        {"apiVersion": API, "kind": "ResourceFlavor", "metadata": {"name": "any"}},
         {"apiVersion": API, "kind": "ClusterQueue", "metadata": {"name": name}, "spec": spec},
     ]
 
@@ -147,7 +180,7 @@ def local_queue(name: str, namespace: str, leads_to: str) -> dict[str, Any]:
     }
 
 
-def _access(name: str, worker: Worker) -> dict[str, Any]:
+def access(name: str, worker: Worker) -> dict[str, Any]:
     """The Secret by which Kueue reaches a worker from the manager."""
     flat = worker.cluster.kubectl("config", "view", "--flatten", "--raw", "--output=json")
     config = json.loads(flat)

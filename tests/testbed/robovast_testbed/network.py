@@ -57,9 +57,10 @@ class Cable:
 
     address: str
     """Under which the near testbed reaches the far one."""
+    near: Bed
     far: Bed
     plug: str
-    """Its network interface in the far testbed."""
+    """Its network interface in both testbeds."""
 
     @contextmanager
     def pulled(self) -> Iterator[None]:
@@ -70,6 +71,12 @@ class Cable:
         finally:
             self.far.run("ip", "link", "set", self.plug, "up")
 
+    def carry_pods(self) -> None:
+        """Let pods of the near testbed reach the far one, whose own have the same addresses."""
+        debian.require("iptables")
+        leaving = ("POSTROUTING", "--out-interface", self.plug, "--jump", "MASQUERADE")
+        self.near.run("iptables", "--wait", "--table", "nat", "--append", *leaving)
+
 
 def connect(near: Bed, far: Bed, number: int) -> Cable:
     """Lay a cable between two testbeds; cables of a testbed have different numbers from 0."""
@@ -79,4 +86,4 @@ def connect(near: Bed, far: Bed, number: int) -> Cable:
     for host, bed in enumerate((near, far), start=1):
         bed.run("ip", "address", "add", f"10.89.{number}.{host}/24", "dev", plug)
         bed.run("ip", "link", "set", plug, "up")
-    return Cable(f"10.89.{number}.2", far, plug)
+    return Cable(f"10.89.{number}.2", near, far, plug)
