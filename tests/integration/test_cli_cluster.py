@@ -772,8 +772,7 @@ def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
     assert merged.name == f"{name}-2026-03-05-120000"
     assert {run.parent.name for run in merged.glob("hall-*/0")} == {"hall-1", "hall-2"}
     assert "`-f` fetches it again" in vast(*home, *contexts, group=("results",)).out
-    store.put_bytes(parts[0], "hall-1/1/test.xml", b"<testsuite/>")
-    store.put_bytes(parts[0], "hall-1/1/run.json", record_of(parts[0], "hall-1"))
+    divided.add_run(parts[0], "hall-1/1", record_of(parts[0], "hall-1"))
     operator.report(parts[1], state="Failed", conditions=[])
     assert "has not ended" in vast(*home, "-f", *contexts, group=("results",)).out
     assert len(list(merged.glob("hall-1/[0-9]"))) == 1, "what is here stays until then"
