@@ -21,6 +21,7 @@ from robovast_operator.kube.resync import Kind, Resync
 from robovast_operator.kube.serve import serve
 from robovast_operator.kube.store import Id, JobState, Store, id_of
 from robovast_operator.kube.work_queue import WorkQueue, work
+from robovast_operator.planning.pod_limits import most_pods
 from robovast_operator.reconcile import Reconciler
 from robovast_operator.settings import Settings
 
@@ -39,7 +40,7 @@ class Operator:
         self._settings = settings
         self.store = Store()
         self.queue = WorkQueue()
-        self.metrics = Metrics()
+        self.metrics = Metrics(partial(most_pods, settings.pod_limits))
         self._lease_api = Api(connect(), self.metrics)
         self.leadership = Leadership(self._lease_api, settings)
         self.api = Api(connect(), self.metrics, may_write=self._may_write)

@@ -37,7 +37,7 @@ def test_campaigns_are_counted_by_state_and_those_that_need_help() -> None:
 
 
 def test_runs_are_counted_for_each_namespace_that_has_campaigns() -> None:
-    store, metrics = Store(), Metrics()
+    store, metrics = Store(), Metrics({"b": 4, "c": 9}.get)
     for namespace, uid in (("a", "1"), ("b", "2")):
         meta = {"namespace": namespace, "name": "drive", "resourceVersion": "1", "uid": uid}
         status = {"state": "Running", "runs": {"active": int(uid), "waiting": 5}}
@@ -48,8 +48,10 @@ def test_runs_are_counted_for_each_namespace_that_has_campaigns() -> None:
         'robovast_namespace_runs{campaign_namespace="b",state="active"} 2.0',
         'robovast_namespace_runs{campaign_namespace="b",state="waiting"} 5.0',
         'robovast_namespace_campaigns{campaign_namespace="a",state="Running"} 1.0',
+        'robovast_namespace_pod_limit{campaign_namespace="b"} 4.0',
     ):
         assert line in lines
+    assert sum(line.startswith("robovast_namespace_pod_limit{") for line in lines) == 1
     store.drop_campaign(("b", "drive", "2"))
     assert 'campaign_namespace="b"' not in metrics.page(store, WorkQueue(), leading=True).decode()
 
