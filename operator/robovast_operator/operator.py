@@ -29,6 +29,9 @@ LOGGER = logging.getLogger(__name__)
 
 WORKERS = 4
 
+ALONE_SECONDS = 1.0
+"""A Configuration without its Campaign waits so long [s]: both may be applied together."""
+
 _TERM: ContextVar[int] = ContextVar("term")
 """Term of leadership in which the current reconcile began; later its writes are refused."""
 
@@ -100,7 +103,8 @@ class Operator:
         if kind == "DELETED":
             self._forget_configuration(id_of(obj))
         elif self.store.put_configuration(obj):
-            self.queue.add(_campaign_of(obj))
+            key = _campaign_of(obj)
+            self.queue.add(key, 0.0 if key in self.store.campaigns else ALONE_SECONDS)
 
     def job_event(self, kind: str | None, obj: Object) -> None:
         """Store a changed Job, and schedule its Campaign."""
