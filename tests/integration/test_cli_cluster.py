@@ -23,6 +23,7 @@ import pytest
 import yaml
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.s3 import Server
+from support.kube.definitions import await_definitions
 from support.kube.fake_cluster import SETTINGS
 from support.patience import PATIENCE, eventually
 from support.servers.shares import PASSWORD, USER, webdav_server
@@ -70,9 +71,7 @@ def known_cluster(control_plane: Cluster) -> Cluster:
     control_plane.kubectl(
         "apply", "--server-side", "--force-conflicts", f"--filename={ROOT / 'crds'}"
     )
-    control_plane.kubectl(
-        "wait", "--for=condition=Established", "crd/campaigns.robovast.io", "--timeout=180s"
-    )
+    await_definitions(control_plane)
     return control_plane
 
 

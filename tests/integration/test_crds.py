@@ -18,6 +18,7 @@ from support.kube.definitions import (
     VERSIONS,
     Redefined,
     as_version,
+    await_definitions,
     now,
     of_chart_0_1_0,
     of_one_version,
@@ -32,10 +33,7 @@ from support.patience import eventually
 def server(control_plane: Cluster) -> Cluster:
     """A cluster that knows Campaigns, and one of them."""
     control_plane.kubectl("apply", "--server-side", "--force-conflicts", f"--filename={CRDS}")
-    control_plane.kubectl(
-        *("wait", "--for=condition=Established", "--timeout=60s"),
-        *("crd/campaigns.robovast.io", "crd/configurations.robovast.io"),
-    )
+    await_definitions(control_plane)
     made = campaign("there", "default", 2, 3)
     made["spec"] |= {"runs": 3, "attempt": 1}
     control_plane.kubectl("create", "--filename=-", stdin=json.dumps(made))

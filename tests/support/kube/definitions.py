@@ -23,6 +23,19 @@ VERSIONS = (OLDER, NEWER)
 Definition = dict[str, Any]
 
 
+def await_definitions(cluster: Cluster) -> None:
+    """Wait until both kinds are served; `kubectl wait` fails where one has no conditions yet."""
+
+    def served() -> bool:
+        kinds = ("campaigns.robovast.io", "configurations.robovast.io")
+        found = json.loads(cluster.kubectl("get", "crd", *kinds, "--output=json"))["items"]
+        conditions = [(item.get("status") or {}).get("conditions") or () for item in found]
+        established = {"type": "Established", "status": "True"}
+        return all(any(established.items() <= c.items() for c in of_one) for of_one in conditions)
+
+    eventually(served)
+
+
 def now() -> list[Definition]:
     """Those of this chart, which serve both versions."""
     return [yaml.safe_load(path.read_text()) for path in sorted(CRDS.glob("*.yaml"))]

@@ -22,6 +22,8 @@ from robovast_testbed.helm import helm
 from robovast_testbed.kubernetes import Cluster
 from robovast_testbed.outages import Process
 
+from support.kube.definitions import await_definitions
+
 ROOT = Path(__file__).parents[3]
 SYSTEM = "robovast-system"
 ACCOUNT = f"system:serviceaccount:{SYSTEM}:robovast-operator"
@@ -132,10 +134,7 @@ def prepare(cluster: Cluster, nodes: int, stages: list[str], *, tainted: bool = 
     rights = [o for o in objects if o["kind"] in wanted | {"Role", "RoleBinding"}]
     text = yaml.safe_dump_all(rights)
     cluster.kubectl("--namespace", SYSTEM, "apply", "--server-side", "-f", "-", stdin=text)
-    cluster.kubectl(
-        *("wait", "--for=condition=Established", "--timeout=180s"),
-        *("crd/campaigns.robovast.io", "crd/configurations.robovast.io"),
-    )
+    await_definitions(cluster)
 
 
 HELD_STAGE = """\
