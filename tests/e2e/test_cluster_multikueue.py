@@ -60,9 +60,11 @@ def content(lab: Lab) -> list[str]:
     return lab.kubectl("get", kinds, "--output=name").split()
 
 
-def ready(lab: Lab) -> int:
-    """How many pods of Jobs are at work."""
-    return sum(job["status"].get("ready", 0) for job in lab.get("jobs")["items"])
+def begun(lab: Lab) -> int:
+    """How many pods execute a run; a probe decides later whether they are `ready`."""
+    states = [pod["status"].get("containerStatuses", []) for pod in lab.get("pods")["items"]]
+    runs = (state for of_pod in states for state in of_pod if state["name"] == "robovast")
+    return sum("running" in state["state"] for state in runs)
 
 
 def pods_made(lab: Lab) -> int:
@@ -122,7 +124,7 @@ def test_a_worker_that_is_lost_goes_on_and_each_run_is_stored_once(
         eventually(told, told=lambda: lab.describe("lost") + worker.kubectl("get", "pods,jobs"))
 
     lab.quick("lost", f'echo run >>"$3/log"\n{HELD}', "  runs: 2\n", queueName=WORKER)
-    eventually(lambda: ready(worker) == 6, told=lambda: lab.describe("lost"))
+    eventually(lambda: begun(worker) == 6, told=lambda: lab.describe("lost"))
     release(worker, "lost", 1)
     runs(active=5, passed=1)
     with clusters.worker.cable.pulled():
