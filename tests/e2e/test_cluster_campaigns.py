@@ -9,6 +9,7 @@ import subprocess
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
@@ -21,6 +22,7 @@ from support.campaigns.local import (
     verdicts,
 )
 from support.campaigns.local import run as run_here
+from support.kube.held_runs import HELD, release_until_finished
 from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files, in_two_contexts
 from support.patience import eventually
 from support.servers.notices import POD_PORT, receiver_pod
@@ -423,9 +425,9 @@ def test_results_are_worked_up_in_the_cluster_when_that_is_asked_for(lab: Lab) -
 
 
 def test_the_page_in_the_cluster_shows_what_is_in_the_storage(lab: Lab) -> None:
-    """At the address that its log says, through `kubectl port-forward`."""
-    lab.quick("shown", "true\n")
-    lab.wait("shown")
+    """At the address that its log says, through `kubectl port-forward`; live, as it grows."""
+    lab.quick("shown", f'echo "hello $1"\n{HELD}')
+    eventually(lambda: lab.campaign("shown").get("status", {}).get("campaign"))
     name = lab.campaign("shown")["status"]["campaign"]
     system = ("--namespace", SYSTEM)
     said = lab.cluster.kubectl(*system, "logs", "deployment/robovast-page", "--container", "page")
@@ -433,24 +435,38 @@ def test_the_page_in_the_cluster_shows_what_is_in_the_storage(lab: Lab) -> None:
     assert found, said
     kubectl = (programs.kubelite(), "kubectl", f"--kubeconfig={lab.cluster.kubeconfig}")
     forward = subprocess.Popen(
-        [*kubectl, *system, "port-forward", "deployment/robovast-page", "8400"],
-        stdout=subprocess.DEVNULL,
+        [*kubectl, *system, "port-forward", "deployment/robovast-page", ":8400"],
+        stdout=subprocess.PIPE,
+        text=True,
     )
+    assert forward.stdout is not None
+    port = re.search(r"127\.0\.0\.1:(\d+)", forward.stdout.readline())
+    assert port, "where it listens"
+    page_there = re.sub(r":8400/", f":{port[1]}/", found[0]).rstrip("/")
 
-    address = f"{found[0].rstrip('/')}/api/campaigns"
-
-    def campaigns() -> str:
+    def asked(path: str) -> Any:
+        address = f"{page_there}/api/{path}"
         try:
             with urllib.request.urlopen(address, timeout=30) as page:  # noqa: S310 - see above
-                return str(page.read().decode())
-        except OSError:
-            return ""
+                return json.load(page)
+        except (OSError, ValueError):  # not yet
+            return {}
+
+    def shown() -> tuple[str, str]:
+        """The campaign's state, and what jobs that go on have written."""
+        answer = asked(f"campaigns/{name}")
+        logs = (asked(f"log?path={job['log']}") for job in answer.get("active", ()))
+        return answer.get("summary", {}).get("state", ""), "".join(map(str, logs))
 
     try:
-        eventually(lambda: name in campaigns(), told=said)
+        eventually(lambda: all(f"hello {x}" in shown()[1] for x in (1, 2, 3)), told=shown)
+        assert shown()[0] == "running"
+        release_until_finished(lab, "shown")
+        eventually(lambda: shown() == ("finished", ""), told=shown)
+        assert name in asked("campaigns")["campaigns"]
     finally:
         forward.terminate()
-        forward.wait()
+        forward.communicate()
 
 
 def test_a_suspended_campaign_stops_and_goes_on(lab: Lab) -> None:

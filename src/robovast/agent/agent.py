@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from threading import Event
@@ -16,9 +17,10 @@ from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
 from robovast.agent.preparation import prepare_apart
-from robovast.agent.results import Results
+from robovast.agent.results import SNAPSHOT_INTERVAL, Results
 from robovast.agent.silence import SILENT, Silence
 from robovast.agent.untrusted_files import SIDE_BY_SIDE
+from robovast.base.errors import StorageError
 from robovast.base.safe_paths import pinned
 from robovast.base.signals import call_on_signals
 from robovast.campaign.layout import JOBS
@@ -28,6 +30,7 @@ from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
 from robovast.kubeapi.pod_contract.messages import BAD_TOLD, BadRun, Verdicts
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
+from robovast.model.plan import PackStart
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 
@@ -135,32 +138,48 @@ class _Keeper:
         """Of the runs that are stored."""
         self._bad = bad
         self._took = took
+        self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
     def run_over(self, ended: EndedRun) -> None:
-        self._background.do(lambda: self._store_run(ended, self._folders.out / JOBS))
+        self._background.do(lambda: self._output_of(ended.job, self._results.store_snapshot))
+        self._background.do(lambda: self._store_run(ended))
 
     def job_over(self, job: PodStart, folder: Path, last: EndedRun | None) -> None:
         self._background.do(lambda: self._results.store_job(job, folder))
         if last is not None:
-            self._background.do(lambda: self._store_run(last, None))
+            self._background.do(lambda: self._store_run(last))
 
-    def check(self) -> None:
+    def goes_on(self, job: PodStart) -> None:
         self._background.check()
+        if time.monotonic() >= self._next_snapshot:
+            self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
+            self._background.do(lambda: self._store_logs(job))
 
     def wait(self) -> None:
         """Wait until everything is stored."""
         self._background.wait()
 
-    def _store_run(self, ended: EndedRun, jobs: Path | None) -> None:
-        if jobs is not None:
-            with (
-                suppress(FileNotFoundError, NotADirectoryError),
-                pinned(jobs, self._folders.out) as own,
-            ):
-                self._results.store_snapshot(ended.job, own / ended.job.name)
+    def _store_run(self, ended: EndedRun) -> None:
         began, finished = ended.observed
         self._took.append(max(0.0, finished - began))
         record = self._results.store_run(ended)
         self.verdicts[ended.run.id] = record.verdict
         if record.verdict in {Verdict.FAILED, Verdict.ERRORED} and len(self._bad) < BAD_TOLD:
             self._bad.append(record)
+
+    def _store_logs(self, job: PodStart) -> None:
+        """Store how far the logs of a job have come, for people who look at it meanwhile.
+
+        They are stored again at its end; until then a run goes on whether the server takes them.
+        """
+        with suppress(StorageError, OSError):
+            self._output_of(job, self._results.store_logs)
+
+    def _output_of(self, job: PackStart, store: Callable[[PackStart, Path], None]) -> None:
+        """Store from the folder of a job that goes on, if it is there, whatever takes its place."""
+        jobs = self._folders.out / JOBS
+        with (
+            suppress(FileNotFoundError, NotADirectoryError),
+            pinned(jobs, self._folders.out) as own,
+        ):
+            store(job, own / job.name)

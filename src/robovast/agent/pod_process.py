@@ -47,8 +47,8 @@ class Receiver(Protocol):
     def job_over(self, job: PodStart, folder: Path, last: EndedRun | None) -> None:
         """A job is finished: its output outside of runs, and its last run."""
 
-    def check(self) -> None:
-        """Raise an error that occurred with what was received."""
+    def goes_on(self, job: PodStart) -> None:
+        """A job goes on, as each look finds; raise the error of something that was received."""
 
 
 @dataclass
@@ -138,7 +138,7 @@ def follow_job(
     output = PackOutput(folders.out, Layout(folders.out).job(job.name), folders.out)
 
     def check() -> None:
-        receiver.check()
+        receiver.goes_on(job)
         silence.look(lambda: output.own / SYSTEM_LOG)
 
     container, stored = RunContainer(folders), folders.stored / job.name

@@ -6,7 +6,7 @@ import json
 import os
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +20,7 @@ from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
 from robovast.campaign.checksums import recorded
-from robovast.campaign.layout import JOBS
+from robovast.campaign.layout import JOBS, LOGS
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.places import Keys
 from robovast.campaign.records import Circumstances, EndedRun, copied_record, make_record
@@ -32,7 +32,8 @@ RUNTIME = "kubernetes"
 """Name of this runtime in run.json."""
 
 SNAPSHOT_INTERVAL = 30.0
-"""Shortest time between two snapshots of a running job's logs, for the case of a lost pod [s]."""
+"""Shortest time between two snapshots of a running job's logs, for those who look at it and in case
+its pod is lost [s]."""
 
 SMALL = 16 * 2**20
 """Largest file of a running job that is stored in a snapshot [byte]."""
@@ -152,15 +153,27 @@ class Results:
         """Store the small files of a running job periodically."""
         if time.monotonic() < self._next_snapshot:
             return
+        for key, file in self._small_files(job, folder):
+            self._bucket.store.put(self._bucket.name, key, file)
+        self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
+
+    def store_logs(self, job: PackStart, folder: Path) -> None:
+        """Store how far the logs of a running job have come; their time tells that it goes on."""
+        for key, file in self._small_files(job, folder, f"{LOGS}/"):
+            self._bucket.store.put_new(self._bucket.name, key, file)
+
+    def _small_files(
+        self, job: PackStart, folder: Path, below: str = ""
+    ) -> Iterator[tuple[str, BinaryIO]]:
+        """Key and content of a job's small files whose paths begin so."""
         prefix = f"{JOBS}/{self._name(job)}/"
         self._begun.add(prefix)
         for path, file in open_files(folder):
             if isinstance(file, OSError):
                 continue  # it is told of at the end of the job
             with file:
-                if os.fstat(file.fileno()).st_size <= SMALL:
-                    self._bucket.store.put(self._bucket.name, prefix + escaped(path), file)
-        self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
+                if path.startswith(below) and os.fstat(file.fileno()).st_size <= SMALL:
+                    yield prefix + escaped(path), file
 
     def _name(self, job: PackStart) -> str:
         """Name of a job in the bucket: the pod's first one was claimed before."""

@@ -21,6 +21,7 @@ from robovast.campaign.planned_runs import planned_runs
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaigns import active_jobs, is_own_folder, is_search
 from robovast.evaluation.inside import resolved
+from robovast.evaluation.mirrored_jobs import mirrored_jobs
 from robovast.evaluation.stored_runs import read_variant, seconds
 from robovast.evaluation.summaries import (
     ActiveJob,
@@ -81,9 +82,11 @@ class CampaignIndex:
             if found := self._look(entry):
                 known[entry.name] = found
         execution = read_yaml(self.results, f"{self.name}/{EXECUTION_RECORD}")
-        active = active_jobs(self.results, self.name)
-        searches = is_search(self.results, self.name)
         variants = _in_order(known)
+        active = active_jobs(self.results, self.name)
+        if active is None:
+            active = mirrored_jobs(self.results, self.name, variants, time.time())
+        searches = is_search(self.results, self.name)
         before = (self.variants, self._execution, self.active, self._is_search)
         changed = not self.version or (variants, execution, active, searches) != before
         self._known, self.variants = known, variants

@@ -23,6 +23,8 @@ _USUAL = 1 << 14
 """A record is hardly ever larger [bytes]; room for the largest one would cost time for each."""
 LONGEST_REASON = 500
 """Longest reason in lists [characters]; the run's page shows all of it."""
+_LONGEST_JOB = 100
+"""Longest name of a job that is one [characters]."""
 
 _LARGEST_NUMBER = 1e18
 """Largest plausible time [s]."""
@@ -124,6 +126,7 @@ def _from_record(number: int, record: RunRecord) -> RunSummary:
         duration=record.duration if abs(record.duration) < _LARGEST_NUMBER else None,
         seed=record.seed,
         reused=bool(record.reused_from),
+        job=sys.intern(record.job[:_LONGEST_JOB]),
     )
 
 

@@ -26,6 +26,8 @@ class RunSummary:
     """None in campaigns of older versions."""
     reused: bool = False
     """Whether another campaign executed it."""
+    job: str = ""
+    """What executed it; empty if its record does not say."""
 
 
 @dataclass(frozen=True, slots=True)

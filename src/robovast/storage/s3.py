@@ -170,7 +170,7 @@ class ObjectStore:
             return self._steady(file, lambda content, mode: self._put(bucket, key, content, mode))
 
     def put_new(self, bucket: str, key: str, file: BinaryIO) -> Content:
-        """Store an open file's content under an unused key; return what was stored.
+        """Store an open file's content without a look at what is there; return what was stored.
 
         Raises:
             OSError: the file cannot be read, or keeps changing.

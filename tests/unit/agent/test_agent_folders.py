@@ -191,7 +191,7 @@ class Received:
     def job_over(self, job: PodStart, folder: Path, last: EndedRun | None) -> None:
         self.ended += [last] if last else []
 
-    def check(self) -> None: ...
+    def goes_on(self, job: PodStart) -> None: ...
 
 
 def test_a_clock_that_is_set_makes_no_run_overdue(

@@ -6,6 +6,8 @@ import fcntl
 import json
 import os
 import shutil
+import time
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -126,6 +128,37 @@ def test_a_campaign_runs_as_long_as_its_lock_is_held(root: Path, index: Campaign
         ]
     assert index.refresh()
     assert index.summary().state == "incomplete"
+
+
+def test_of_a_mirrored_campaign_those_jobs_go_on_whose_logs_are_new_and_runs_not_all_there(
+    root: Path, index: CampaignIndex
+) -> None:
+    def job(name: str, claim: str, age: float = 0) -> None:
+        write(root / "_transient" / f"{name}.params.yaml", claim)
+        write(root / "_jobs" / name / "logs" / "system.log", "")
+        then = time.time() - age
+        os.utime(root / "_jobs" / name / "logs" / "system.log", (then, then))
+
+    records = [json.loads(path.read_text()) for path in root.glob("*/*/run.json")]
+    ended = Counter(record["job"] for record in records)
+    for name, runs in ended.items():
+        job(name, f"# attempt 1, runs 0-{runs - 1}, executed by pod-1 a\n")
+    job("job-10", "# attempt 1, runs 40,42-43, executed by pod-2 b\n")
+    job("job-9-2", "# attempt 1, runs 9, executed by pod-3 c\n")
+    job("job-8", "# attempt 1, runs 8, executed by pod-4 d\n", age=3600)
+    job("job-7", "\x00")
+    index.refresh()
+    assert index.active is None, "they are not of a cluster"
+    write(root / ".bucket", "robovast-lab")
+    index.refresh()
+    assert [(job.name, job.log) for job in index.active or ()] == [
+        (name, f"{NAME}/_jobs/{name}/logs/system.log") for name in ("job-7", "job-9-2", "job-10")
+    ]
+    assert index.summary().state == "running"
+    for name in ("job-7", "job-9-2", "job-10"):
+        os.utime(root / "_jobs" / name / "logs" / "system.log", (1, 1))
+    index.refresh()
+    assert index.active is None
 
 
 def test_an_interrupted_run_leaves_a_campaign_incomplete(tmp_path: Path) -> None:
