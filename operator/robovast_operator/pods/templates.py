@@ -39,8 +39,8 @@ from robovast.model.quantities import (
     cpus,
     disk,
     gpu_resource,
+    gpus,
     memory,
-    resolve_per_context,
     shared_memory,
 )
 from robovast_operator.kube.objects import Object
@@ -375,12 +375,11 @@ def container_resources(accepted: Accepted, resources: Resources) -> Object:
         InputError: a value is none, or there is none for this cluster.
     """
     context = accepted.spec.cluster or ""
-    gpu = resolve_per_context(resources.gpu, context, "execution.resources.gpu")
     gpu_name = gpu_resource(accepted.vast.execution.kubernetes.gpu_resource, context)
     amounts: dict[str, Any] = {
         "cpu": _cpu(cpus(resources.cpu, "execution.resources.cpu", context)),
         "memory": memory(resources.memory, "execution.resources.memory", context),
-        gpu_name: gpu or None,
+        gpu_name: gpus(resources.gpu, "execution.resources.gpu", context) or None,
     }
     limits = {name: str(value) for name, value in amounts.items() if value is not None}
     return {"requests": limits, "limits": limits} if limits else {}

@@ -7,8 +7,8 @@ from robovast.model.quantities import (
     cpus,
     disk,
     gpu_resource,
+    gpus,
     memory_limit,
-    resolve_per_context,
     shared_memory,
 )
 
@@ -30,7 +30,7 @@ def check_amounts(execution: Execution, context: str, most_disk: str = "") -> No
     for name, resources in containers:
         cpus(resources.cpu, f"resources.cpu of {name}", context)
         memory_limit(resources.memory, f"resources.memory of {name}", context)
-        resolve_per_context(resources.gpu, context, f"resources.gpu of {name}")
+        gpus(resources.gpu, f"resources.gpu of {name}", context)
     shared_memory(main.shm_size, main.memory, context)
     gpu_resource(kubernetes.gpu_resource, context)
     disk(kubernetes.ephemeral_storage, context, most_disk)

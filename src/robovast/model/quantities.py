@@ -20,6 +20,9 @@ EXTENDED_RESOURCE = r"^[a-z0-9]([-a-z0-9.]*[a-z0-9])?/[A-Za-z0-9]([-A-Za-z0-9_.]
 LEAST = 2**20
 """Least memory or disk that a run can do with [byte]."""
 
+_MOST_BYTES, _MOST = 2**63 - 1, 2**31 - 1
+"""More than any machine has, and the most that Kubernetes and Docker can count."""
+
 _UNITS = {
     "": 1,
     "k": 10**3,
@@ -66,6 +69,11 @@ def memory_limit(value: Any, key: str, context: str = LOCAL_CONTEXT) -> int | No
     return _read(parse_memory_limit, value, key, context)
 
 
+def gpus(value: Any, key: str, context: str = LOCAL_CONTEXT) -> int | None:
+    """Number of GPUs of a container; None without a value."""
+    return _read(parse_gpus, value, key, context)
+
+
 def _read(parse: Callable[[Any], Number], value: Any, key: str, context: str) -> Number | None:
     resolved = resolve_per_context(value, context, key)
     if resolved is None:
@@ -83,9 +91,21 @@ def parse_cpus(value: Any) -> float:
         ValueError: it is none of these.
     """
     match = re.fullmatch(r"(\d+(?:\.\d+)?)(m?)", str(value).strip())
-    if not match or float(match[1]) <= 0:
+    if not match or not 0 < float(match[1]) <= _MOST:
         raise ValueError(f"`{value}` is not a number of CPUs; write `2`, `0.5` or `500m`.")
     return float(match[1]) / (1000 if match[2] else 1)
+
+
+def parse_gpus(value: Any) -> int:
+    """Number of GPUs.
+
+    Raises:
+        ValueError: it is none.
+    """
+    match = re.fullmatch(r"\d{1,10}", str(value).strip())
+    if not match or int(match[0]) > _MOST:
+        raise ValueError(f"`{value}` is not a number of GPUs; write `0`, `1` or `2`.")
+    return int(match[0])
 
 
 def parse_memory(value: Any) -> int:
@@ -94,7 +114,7 @@ def parse_memory(value: Any) -> int:
     Raises:
         ValueError: it is none of these.
     """
-    return _parse_bytes(value, "memory")
+    return int(_parse_bytes(value, "memory"))
 
 
 def parse_memory_limit(value: Any) -> int:
@@ -103,7 +123,7 @@ def parse_memory_limit(value: Any) -> int:
     Raises:
         ValueError: it is no amount, or so small that its unit must have been forgotten.
     """
-    return _not_tiny(value, parse_memory(value))
+    return _not_tiny(value, _parse_bytes(value, "memory"))
 
 
 def parse_disk(value: Any) -> int:
@@ -115,21 +135,25 @@ def parse_disk(value: Any) -> int:
     return _not_tiny(value, _parse_bytes(value, "disk"))
 
 
-def _parse_bytes(value: Any, what: str) -> int:
+def _parse_bytes(value: Any, what: str) -> float:
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)", str(value).strip())
     if not match or match[2] not in _UNITS:
         raise ValueError(f"`{value}` is not an amount of {what}; write `8Gi` or `4096Mi`.")
-    return int(float(match[1]) * _UNITS[match[2]])
+    found = float(match[1]) * _UNITS[match[2]]
+    if found > _MOST_BYTES:
+        raise ValueError(f"`{value}` is more {what} than any machine has; write `8Gi` or `4096Mi`.")
+    return found
 
 
-def _not_tiny(value: Any, found: int) -> int:
+def _not_tiny(value: Any, found: float) -> int:
     """Refuse an amount in which nothing can run; 0, where it is allowed, is no limit."""
     if not 0 < found < LEAST:
-        return found
+        return int(found)
     given = str(value).strip()
     meant = f"did you mean `{given}{'Gi' if found < 2**10 else 'Mi'}`?"
     remedy = meant if given[-1].isdigit() else "write `8Gi` or `4096Mi`."
-    raise ValueError(f"`{value}` is {found:,} bytes; no run can do with less than 1Mi: {remedy}")
+    size = f"{found:,.16g} bytes"
+    raise ValueError(f"`{value}` is {size}; no run can do with less than 1Mi: {remedy}")
 
 
 def shared_memory(size: Any, memory_limit: Any, context: str = LOCAL_CONTEXT) -> int | None:

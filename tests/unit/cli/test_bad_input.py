@@ -327,6 +327,7 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
     [
         ("4", "`4` is 4 bytes; no run can do with less than 1Mi: did you mean `4Gi`?"),
         ("4096", "`4096` is 4,096 bytes; no run can do with less than 1Mi: did you mean `4096Mi`?"),
+        ("0.5", "`0.5` is 0.5 bytes; no run can do with less than 1Mi: did you mean `0.5Gi`?"),
         ("4k", "`4k` is 4,000 bytes; no run can do with less than 1Mi: write `8Gi` or `4096Mi`."),
     ],
 )
@@ -347,6 +348,24 @@ def test_an_amount_without_its_unit_is_refused_wherever_runs_begin(
     outcome = vast("-V", "a.vast", "exec", "cluster", "run", "--dry-run")
     assert outcome.code == 2
     assert f"a.vast: resources.memory of execution: {said}" in outcome.err
+
+
+def test_a_number_of_gpus_for_a_context_is_checked_wherever_runs_begin(vast, folder: Path) -> None:
+    gpus = "  resources: {gpu: [{local: many}, {lab: -1}]}\n"
+    (folder / "a.vast").write_text(HEAD + TAIL + gpus)
+    checked = vast("-V", "a.vast", "config", "check")
+    assert checked.code == 2
+    for given in ("many", "-1"):
+        told = f"execution.resources.gpu: `{given}` is not a number of GPUs"
+        assert re.search(rf"^a\.vast:\d+:\d+: {re.escape(told)}", checked.err, re.M)
+    for begin in (["local", "run", "out"], ["local", "prepare-run", "out"]):
+        outcome = vast("-V", "a.vast", "exec", *begin)
+        assert outcome.code == 2
+        assert "resources.gpu: `many` is not a number of GPUs" in outcome.err
+        assert not (folder / "out").exists()
+    outcome = vast("-V", "a.vast", "exec", "cluster", "run", "--dry-run", "--context", "lab")
+    assert outcome.code == 2
+    assert "resources.gpu of execution: `-1` is not a number of GPUs" in outcome.err
 
 
 def test_gpus_that_are_named_and_not_asked_for_are_refused_wherever_runs_begin(

@@ -3,7 +3,7 @@
 import pytest
 
 from robovast.base.errors import InputError
-from robovast.model.quantities import cpus, memory, memory_limit, resolve_per_context
+from robovast.model.quantities import cpus, gpus, memory, memory_limit, resolve_per_context
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,30 @@ def test_a_limit_is_at_least_a_mebibyte_or_none(text: object, expected: int) -> 
     assert memory_limit(text, "memory") == expected
 
 
-@pytest.mark.parametrize("text", ["many", "-1", "0", "2 cores"])
+@pytest.mark.parametrize("text", ["0.5", 0.5, "0.9Ki", 2**20 - 1])
+def test_a_fraction_of_a_byte_is_not_taken_for_no_limit(text: object) -> None:
+    with pytest.raises(InputError, match="no run can do with less than 1Mi"):
+        memory_limit(text, "memory")
+
+
+@pytest.mark.parametrize("text", ["9" * 400, "8388608Ti", "9" * 400 + "Gi"])
+def test_more_memory_than_can_be_counted_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="more memory than any machine has"):
+        memory(text, "memory")
+
+
+@pytest.mark.parametrize(("value", "expected"), [(0, 0), (2, 2), ("1", 1), (None, None)])
+def test_gpus(value: object, expected: int | None) -> None:
+    assert gpus([{"lab": value}], "gpu", "lab") == expected
+
+
+@pytest.mark.parametrize("value", ["many", -1, 1.5, [1], True, 10**24])
+def test_what_is_no_number_of_gpus_is_refused_by_name(value: object) -> None:
+    with pytest.raises(InputError, match=r"resources\.gpu: .* is not a number of GPUs"):
+        gpus([{"local": value}], "resources.gpu")
+
+
+@pytest.mark.parametrize("text", ["many", "-1", "0", "2 cores", "9" * 400])
 def test_what_is_no_number_of_cpus_is_refused_by_name(text: str) -> None:
     with pytest.raises(InputError, match=r"execution\.resources\.cpu"):
         cpus(text, "execution.resources.cpu")

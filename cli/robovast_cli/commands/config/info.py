@@ -29,6 +29,7 @@ from robovast.model.quantities import (
     LOCAL_CONTEXT,
     parse_cpus,
     parse_disk,
+    parse_gpus,
     parse_memory,
     parse_memory_limit,
 )
@@ -132,6 +133,7 @@ def _amounts(execution: Execution) -> Iterator[tuple[KeyPath, Any, Callable[[Any
     for path, asked in containers.items():
         yield (*path, "cpu"), asked.cpu, parse_cpus
         yield (*path, "memory"), asked.memory, parse_memory_limit
+        yield (*path, "gpu"), asked.gpu, parse_gpus
     yield ("resources", "shm_size"), execution.resources.shm_size, parse_memory
     disk = execution.kubernetes.ephemeral_storage
     yield ("kubernetes", "ephemeral_storage"), disk, parse_disk

@@ -9,7 +9,7 @@ from robovast.execution.local.runtime import Limits
 from robovast.model.document import Document
 from robovast.model.document.execution import Execution, Resources
 from robovast.model.document.gpus import check_gpus
-from robovast.model.quantities import cpus, memory_limit, resolve_per_context, shared_memory
+from robovast.model.quantities import cpus, gpus, memory_limit, shared_memory
 
 
 def check_limits(document: Document) -> None:
@@ -43,9 +43,8 @@ def secondary_limits(execution: Execution) -> dict[str, Limits]:
 
 
 def _limits(resources: Resources, key: str) -> Limits:
-    gpus = resolve_per_context(resources.gpu, "local", f"{key}.gpu")
     return Limits(
         cpus=cpus(resources.cpu, f"{key}.cpu"),
         memory=memory_limit(resources.memory, f"{key}.memory"),
-        gpus=int(gpus) if gpus is not None else None,
+        gpus=gpus(resources.gpu, f"{key}.gpu"),
     )
