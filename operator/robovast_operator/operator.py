@@ -14,12 +14,11 @@ from robovast.kubeapi.resources import MANAGED_BY, MANAGED_LABEL
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError, connect
 from robovast_operator.kube.lease import Leadership
-from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.kube.metrics import Metrics
 from robovast_operator.kube.objects import Key, Object
 from robovast_operator.kube.resync import Kind, Resync
 from robovast_operator.kube.serve import serve
-from robovast_operator.kube.store import Id, JobState, Store, id_of
+from robovast_operator.kube.store import Id, JobState, Store, campaign_of, id_of
 from robovast_operator.kube.work_queue import WorkQueue, work
 from robovast_operator.planning.pod_limits import most_pods
 from robovast_operator.reconcile import Reconciler
@@ -103,7 +102,7 @@ class Operator:
         if kind == "DELETED":
             self._forget_configuration(id_of(obj))
         elif self.store.put_configuration(obj):
-            key = _campaign_of(obj)
+            key = campaign_of(obj)
             self.queue.add(key, 0.0 if key in self.store.campaigns else ALONE_SECONDS)
 
     def job_event(self, kind: str | None, obj: Object) -> None:
@@ -128,7 +127,7 @@ class Operator:
     def _forget_configuration(self, id_: Id) -> None:
         known = self.store.drop_configuration(id_)
         if known is not None:
-            self.queue.add(_campaign_of(known))
+            self.queue.add(campaign_of(known))
 
     def _forget_job(self, id_: Id) -> None:
         key = self.store.drop_job(id_)
@@ -184,11 +183,6 @@ class Operator:
                 {"labelSelector": f"{MANAGED_LABEL}={MANAGED_BY}"},
             ),
         )
-
-
-def _campaign_of(configuration: Object) -> Key:
-    namespace, _, _ = id_of(configuration)
-    return namespace, text(mapping(mapping(configuration).get("spec")).get("campaign"))
 
 
 def _log_end(task: asyncio.Task[None]) -> None:

@@ -9,7 +9,16 @@ from robovast.base.ranges import count
 from robovast.kubeapi.names import child_name
 from robovast.kubeapi.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
-from robovast_operator.kube.lenient import BEGINNING, metadata, number, ranges, shaped, text, time
+from robovast_operator.kube.lenient import (
+    BEGINNING,
+    mapping,
+    metadata,
+    number,
+    ranges,
+    shaped,
+    text,
+    time,
+)
 from robovast_operator.kube.objects import Key, Object
 
 NOTIFY_ROLE = "notify"
@@ -151,6 +160,8 @@ class Store:
     configurations: dict[Key, Object] = field(default_factory=dict)
     jobs: dict[Key, dict[str, JobState]] = field(default_factory=dict)
     """By namespace and name of their Campaign, then by their own name."""
+    _named: dict[Key, dict[str, Object]] = field(default_factory=dict)
+    """Configurations by namespace and name of their Campaign, then by their own name."""
 
     def put_campaign(self, obj: Object) -> bool:
         """Store a Campaign; return False if a newer version is known."""
@@ -162,11 +173,30 @@ class Store:
 
     def put_configuration(self, obj: Object) -> bool:
         """Store a Configuration; return False if a newer version is known."""
-        return _put(self.configurations, obj)
+        namespace, name, _ = id_of(obj)
+        known = self.configurations.get((namespace, name))
+        if not _put(self.configurations, obj):
+            return False
+        if known is not None:
+            self._drop_named(known)
+        key = campaign_of(obj)
+        if key[1]:
+            self._named.setdefault(key, {})[name] = self.configurations[namespace, name]
+        return True
 
     def drop_configuration(self, id_: Id) -> Object | None:
         """Remove a Configuration and return it; a successor of the same name stays."""
-        return _drop(self.configurations, id_)
+        known = _drop(self.configurations, id_)
+        if known is not None:
+            self._drop_named(known)
+        return known
+
+    def _drop_named(self, configuration: Object) -> None:
+        key = campaign_of(configuration)
+        named = self._named.get(key, {})
+        named.pop(configuration["metadata"]["name"], None)
+        if not named:
+            self._named.pop(key, None)
 
     def campaign_versions(self) -> Iterator[tuple[Id, str]]:
         """All Campaigns with their resource versions."""
@@ -242,14 +272,9 @@ class Store:
 
     def configurations_of(self, key: Key) -> list[Object]:
         """The Configurations of a Campaign, oldest first."""
-        namespace, name = key
-        found = [
-            obj
-            for (space, _), obj in self.configurations.items()
-            if space == namespace and obj["spec"].get("campaign") == name
-        ]
         return sorted(
-            found, key=lambda o: (o["metadata"]["creationTimestamp"], o["metadata"]["name"])
+            self._named.get(key, {}).values(),
+            key=lambda o: (o["metadata"]["creationTimestamp"], o["metadata"]["name"]),
         )
 
 
@@ -257,6 +282,12 @@ def id_of(obj: Object) -> Id:
     """Namespace, name and uid, which identify an object."""
     meta = metadata(obj)
     return text(meta.get("namespace")), text(meta.get("name")), text(meta.get("uid"))
+
+
+def campaign_of(configuration: Object) -> Key:
+    """Namespace and name of a Configuration's Campaign, which may not exist; empty if none."""
+    namespace, _, _ = id_of(configuration)
+    return namespace, text(mapping(mapping(configuration).get("spec")).get("campaign"))
 
 
 def _put(objects: dict[Key, Object], given: Object) -> bool:
