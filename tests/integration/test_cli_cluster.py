@@ -793,6 +793,25 @@ def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
 
 
 @one_make
+def test_runs_that_the_clusters_no_longer_have_are_not_replaced_by_nothing(
+    vast: Vast, contexts: list[str], divided: Divided, tmp_path: Path
+) -> None:
+    home = ("download", "-i", divided.name, "-o", "home", "-f", *contexts)
+    divided.add_run(divided.parts[0], "hall-1/1", record_of(divided.parts[0], "hall-1"))
+    assert vast(*home, group=("results",)).code == 0
+    run = [f"hall-1/1/{file}" for file in ("test.xml", "run.json")]
+    divided.store.delete(divided.parts[0], run)
+    outcome = vast(*home, group=("results",))
+    assert outcome.code == 2
+    assert "has 3 runs and was not replaced: the clusters now have 2." in outcome.err
+    merged = tmp_path / "home" / f"{divided.name}-2026-03-05-120000"
+    assert len(list(merged.glob("hall-*/*/test.xml"))) == 3
+    merged.rename(tmp_path / "kept")
+    assert vast(*home, group=("results",)).code == 0
+    assert len(list(merged.glob("hall-*/*/test.xml"))) == 2
+
+
+@one_make
 def test_parts_of_which_runs_are_left_out_stay(
     vast: Vast, contexts: list[str], divided: Divided, tmp_path: Path
 ) -> None:

@@ -38,7 +38,7 @@ def download_parts(
 
     Raises:
         InputError: no campaign is named, or one context twice, or a cluster has no part of it, or
-            its folder here has something else.
+            its folder here has something else, or more runs.
         StorageError: a part cannot be fetched, or written here.
     """
     check_distinct(contexts)
@@ -74,11 +74,27 @@ def _download_divided(
     if going:
         say(f"{', '.join(going)} has not ended; repeat the command then: it merges the parts.")
         return
+    if target.exists():
+        _check_not_fewer(target, folders)
     left_out = merge(folders, target, "part", by_name=True, replace=force).left_out
     if left_out:
         say(f"These runs are in {shown(place)}, where the parts stay as they are.")
     else:
         discard(place)
+
+
+def _check_not_fewer(merged: Path, parts: Sequence[Path]) -> None:
+    """Refuse to replace runs that are nowhere else: a store may remove old objects by itself.
+
+    Raises:
+        InputError: the parts have fewer runs than what is merged already.
+    """
+    here, fetched = _runs_in(merged), sum(map(_runs_in, parts))
+    if fetched < here:
+        raise InputError(
+            f"{shown(merged)} has {here} runs and was not replaced: the clusters now have "
+            f"{fetched}. Rename or remove it, and repeat the command, to merge these."
+        )
 
 
 def _tidy(place: Path, merged: Path) -> None:
