@@ -60,7 +60,6 @@ def test_no_object_takes_keys_that_nobody_described() -> None:
     }
     assert free == {
         "values.global",
-        "values.operator.podLimits",
         "values.scheduling.affinity",
         "values.scheduling.nodeSelector",
         "values.kueue.resources",
