@@ -13,6 +13,10 @@ MARKER = "ROBOVAST_JOB"
 """Environment variable of all processes of a job; finds those that left the process group."""
 
 
+AGAIN = 5.0
+"""After how long a request to end is repeated [s]: bash ignores it while it sets a trap for it."""
+
+
 def wait(process: subprocess.Popen[bytes], timeout: float) -> bool:
     """Wait at most `timeout` seconds for the end of a process; return True if it ended.
 
@@ -51,6 +55,9 @@ def stop_launched(process: subprocess.Popen[bytes], grace: float) -> None:
     asked = False
     while not asked and time.monotonic() < deadline and not wait(process, 0.01):
         asked = any(map(_ask, _children(process.pid)))
+    if wait(process, max(0.0, min(AGAIN, deadline - time.monotonic()))):
+        return
+    any(map(_ask, _children(process.pid)))
     if wait(process, max(0.0, deadline - time.monotonic())):
         return
     for pid in _children(process.pid):
