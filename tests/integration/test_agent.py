@@ -676,6 +676,23 @@ def test_of_two_pods_for_one_index_each_run_is_stored_once(make: Make) -> None:
 
 
 @one_server
+def test_the_log_of_a_run_that_goes_on_is_stored_and_at_its_end_all_of_it(
+    make: Make, tmp_path: Path
+) -> None:
+    hold, log = tmp_path / "hold", "_jobs/job-0/logs/system.log"
+    hold.touch()
+    campaign = make(f'echo "so far"\nwhile [ -e "{hold}" ]; do sleep 0.1; done\necho "so good"\n')
+    pod = Pod(campaign)
+    _, agent = pod.start()
+    eventually(lambda: log in campaign.objects("_jobs/") and "so far" in campaign.read(log))
+    assert campaign.verdicts() == {}
+    hold.unlink()
+    assert agent.wait(PATIENCE) == 0, pod.log("agent")
+    assert "so good" in campaign.read(log)
+    assert campaign.verdicts() == {"one-1/0": "passed"}
+
+
+@one_server
 def test_the_server_may_restart_in_the_middle(
     make: Make, s3_server: Server, tmp_path: Path
 ) -> None:
