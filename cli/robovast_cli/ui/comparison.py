@@ -101,13 +101,16 @@ def _text(base: str, new: str, found: Comparison) -> str:
 
 def headline(found: Comparison) -> str:
     """The result of a comparison in a few words."""
+    rise = percent(found.margin)
+    equal = found.overall.a.rate == found.overall.b.rate
+    equal = equal and all(variant.change == "same" for variant in found.variants)
     match found.result:
-        case "worse":
-            return "worse"
-        case "better":
-            return "better"
+        case "worse" | "better":
+            return found.result
         case "same":
-            return f"not worse by {percent(found.margin)} or more"
+            return "no difference" if equal else f"not worse by {rise} or more"
+        case _ if equal:
+            return f"no difference found; too few runs to rule out a rise by {rise}"
         case _:
             return "unclear whether it got worse"
 

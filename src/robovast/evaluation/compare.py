@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
-from math import exp
+from functools import cache, partial
 
 from robovast.base.statistics import (
     LEVEL,
@@ -15,11 +15,8 @@ from robovast.base.statistics import (
     fisher_exact,
     holm,
     least,
-    log_choose,
     mcnemar_exact,
     newcombe,
-    normal_p,
-    normal_p_of_pairs,
     paired_interval,
     percent,
 )
@@ -59,7 +56,7 @@ class VariantDifference:
     """`worse` or `better` if the adjusted p-value is below `LEVEL`; `same` if the rates are equal,
     or surely differ by less than the margin; otherwise `unclear`."""
     more_runs: int | None
-    """If `unclear`: how many further runs of each campaign decide it if they go as those before;
+    """If `unclear`: how many further runs in each campaign decide it if they go like those before;
     None if `MOST_RUNS` do not."""
 
 
@@ -78,11 +75,14 @@ class Comparison:
     least_p: float
     """The smallest p-value that a variant with so many runs can have: all failed, none before."""
     visible: int
-    """Variants with enough runs to show such a change, in spite of Holm's correction."""
+    """Variants with enough runs to show such a change if all change like that, with Holm's
+    correction."""
     needed_runs: int | None
-    """Runs of a variant in each campaign from which it is shown; None if `MOST_RUNS` do not."""
+    """Runs of each variant in each campaign that show such a change of any variant by the test
+    that applies to it, even if no other variant changes; None if `MOST_RUNS` do not."""
     detectable: float | None
-    """About the smallest rise of the overall rate that these runs show beyond chance."""
+    """The smallest rise of the overall rate that these runs show beyond chance, by the test that
+    applies to them."""
     statement: str
     variants: list[VariantDifference]
     """Sorted by p-value, the smallest first."""
@@ -104,9 +104,11 @@ def compare(
     pairs = [(left[key], right[key]) for key in left if key in right]
     matched = [_matched(one, other) for one, other in pairs]
     differences = [difference([runs]) for runs in matched]
-    adjusted = holm([d.p for d in differences])
+    ps = [found.p for found in differences]
+    adjusted = holm(ps)
+    correct = partial(_corrected, sorted(ps), sorted(adjusted))
     variants = [
-        _variant_difference((one.name, other.name), found, p, margin, len(pairs))
+        _variant_difference((one.name, other.name), found, p, margin, correct)
         for (one, other), found, p in zip(pairs, differences, adjusted, strict=True)
     ]
     overall = difference(matched)
@@ -116,19 +118,20 @@ def compare(
         p, (_, high) = _projected(overall, more)
         return _overall_change(overall, p, high, margin) != "unclear"
 
-    least_ps = [_least_p(one.difference) for one in variants]
+    least_ps = [_least_p(one.pairs is not None, one.a.runs, one.b.runs) for one in differences]
+    tests = {one.pairs is not None for one in differences}
+
+    def shows_any(runs: int) -> bool:
+        return all(_least_p(paired, runs, runs) * len(pairs) < LEVEL for paired in tests)
+
     return Comparison(
         overall=overall,
         change=change,
         more_runs=_more_runs(overall, decide) if change == "unclear" else None,
         margin=margin,
         least_p=min(least_ps, default=1.0),
-        visible=sum(p * len(pairs) < LEVEL for p in least_ps),
-        needed_runs=least(
-            # Of all ways to divide twice the runs, two are as unlike as that.
-            lambda runs: 2 * exp(-log_choose(2 * runs, runs)) * len(pairs) < LEVEL,
-            MOST_RUNS,
-        ),
+        visible=sum(p < LEVEL for p in holm(least_ps)),
+        needed_runs=least(shows_any, MOST_RUNS),
         detectable=_detectable(overall),
         statement=state(overall),
         variants=sorted(variants, key=lambda variant: variant.difference.p),
@@ -145,6 +148,8 @@ class _Matched:
     b: Sequence[RunSummary]
     paired: bool
     """Whether the n-th run of each has the seed of the other's."""
+    same: bool = False
+    """Whether both are the same runs: the campaigns are one, or one reused the other's runs."""
 
 
 def _matched(one: VariantRuns, other: VariantRuns) -> _Matched:
@@ -153,11 +158,18 @@ def _matched(one: VariantRuns, other: VariantRuns) -> _Matched:
         [run for run in variant.runs if run.verdict is not Verdict.INTERRUPTED]
         for variant in (one, other)
     )
+    same = one is other or (len(a) == len(b) and all(map(_is_same_run, a, b)))
     seeds_a, seeds_b = ({run.seed: run for run in runs if run.seed is not None} for runs in (a, b))
     common = [seed for seed in seeds_a if seed in seeds_b]
     if common and len(common) == min(len(a), len(b)):
-        return _Matched([seeds_a[s] for s in common], [seeds_b[s] for s in common], paired=True)
-    return _Matched(a, b, paired=False)
+        return _Matched([seeds_a[s] for s in common], [seeds_b[s] for s in common], True, same)
+    return _Matched(a, b, False, same)
+
+
+def _is_same_run(a: RunSummary, b: RunSummary) -> bool:
+    """Whether two records are of one run: no other run has its start, duration and verdict."""
+    known, other = ((run.started_at, run.duration, run.verdict) for run in (a, b))
+    return a.started_at is not None and known == other
 
 
 def difference(matched: Sequence[_Matched]) -> Difference:
@@ -166,7 +178,10 @@ def difference(matched: Sequence[_Matched]) -> Difference:
     a = [run for runs in matched for run in runs.a]
     b = [run for runs in matched for run in runs.b]
     one, other = sample_of(a), sample_of(b)
-    if not matched or not all(runs.paired for runs in matched):
+    paired = bool(matched) and all(runs.paired for runs in matched)
+    if a and all(runs.same for runs in matched):
+        return Difference(one, other, 1.0, 0.0, 0.0, (0, 0) if paired else None)
+    if not paired:
         p = fisher_exact(one.bad, one.runs - one.bad, other.bad, other.runs - other.bad)
         return Difference(one, other, p, *newcombe(one.bad, one.runs, other.bad, other.runs))
     changed = [
@@ -189,7 +204,7 @@ def _of_equal_shares(matched: Sequence[_Matched]) -> Sequence[_Matched]:
     if len(shares) <= 1:
         return filled if len(matched) > 1 else matched
     least_of = [(runs, min(len(runs.a), len(runs.b))) for runs in filled]
-    return [_Matched(runs.a[:n], runs.b[:n], runs.paired) for runs, n in least_of]
+    return [_Matched(runs.a[:n], runs.b[:n], runs.paired, runs.same) for runs, n in least_of]
 
 
 def state(found: Difference) -> str:
@@ -197,6 +212,8 @@ def state(found: Difference) -> str:
     a, b = found.a, found.b
     if not a.runs or not b.runs:
         return "Nothing can be compared: the campaigns share no variant with runs in both."
+    if found.low == found.high:
+        return f"No difference: both have the same {b.runs} runs, of which {b.bad} did not pass."
     verb = "rose" if b.rate > a.rate else "fell" if b.rate < a.rate else "stayed the same"
     certain = "chance alone hardly explains that" if found.p < LEVEL else "chance can explain that"
     before, now = (f"{percent(side.rate)} ({side.bad} of {side.runs})" for side in (a, b))
@@ -208,13 +225,17 @@ def state(found: Difference) -> str:
 
 
 def _variant_difference(
-    names: tuple[str, str], found: Difference, p: float, margin: float, variants: int
+    names: tuple[str, str],
+    found: Difference,
+    p: float,
+    margin: float,
+    correct: Callable[[float, float], float],
 ) -> VariantDifference:
     change = _variant_change(found, p, (found.low, found.high), margin)
 
     def decide(more: int) -> bool:
         p, interval = _projected(found, more)
-        return _variant_change(found, p * variants, interval, margin) != "unclear"
+        return _variant_change(found, correct(found.p, p), interval, margin) != "unclear"
 
     return VariantDifference(
         *names,
@@ -223,6 +244,19 @@ def _variant_difference(
         change=change,
         more_runs=_more_runs(found, decide) if change == "unclear" else None,
     )
+
+
+def _corrected(ps: Sequence[float], adjusted: Sequence[float], old: float, new: float) -> float:
+    """Holm's correction of a p-value that replaces another one and is not larger.
+
+    Args:
+        ps: all p-values, sorted.
+        adjusted: with Holm's correction, sorted.
+        old: one of `ps`.
+        new: takes its place.
+    """
+    rank = bisect_left(ps, min(old, new))
+    return min(1.0, max(new * (len(ps) - rank), adjusted[rank - 1] if rank else 0.0))
 
 
 def _variant_change(found: Difference, p: float, interval: Interval, margin: float) -> str:
@@ -239,19 +273,16 @@ def _variant_change(found: Difference, p: float, interval: Interval, margin: flo
 def _overall_change(found: Difference, p: float, high: float, margin: float) -> str:
     if p < LEVEL and found.b.rate < found.a.rate:
         return "better"
-    if high < margin:
+    if high <= margin:
         return "same"
     return "worse" if p < LEVEL else "unclear"
 
 
-def _least_p(found: Difference) -> float:
-    if found.pairs is not None:
-        return mcnemar_exact(found.a.runs, 0)
-    return _least_p_of(found.a.runs, found.b.runs)
-
-
 @cache
-def _least_p_of(a: int, b: int) -> float:
+def _least_p(paired: bool, a: int, b: int) -> float:
+    """The least p-value of so many runs: all failed after none had failed."""
+    if paired:
+        return mcnemar_exact(a, 0)
     return fisher_exact(0, a, b, 0) if a and b else 1.0
 
 
@@ -259,12 +290,21 @@ def _detectable(found: Difference) -> float | None:
     a, b = found.a, found.b
     if not a.runs or not b.runs:
         return None
+    if found.pairs is not None:
+        chance = min(found.pairs)  # so many pairs change in either direction by chance
+        worse = least(lambda rise: mcnemar_exact(chance + rise, chance) < LEVEL, a.runs - chance)
+        return None if worse is None else worse / a.runs
 
     def is_clear(bad: int) -> bool:
-        return bad / b.runs > a.rate and normal_p(a.bad, a.runs, bad, b.runs) < LEVEL
+        return bad / b.runs > a.rate and _fisher(a.bad, a.runs, bad, b.runs) < LEVEL
 
     bad = least(is_clear, b.runs)
     return None if bad is None else bad / b.runs - a.rate
+
+
+@cache
+def _fisher(bad_a: int, runs_a: int, bad_b: int, runs_b: int) -> float:
+    return fisher_exact(bad_a, runs_a - bad_a, bad_b, runs_b - bad_b)
 
 
 def _more_runs(found: Difference, decide: Callable[[int], bool]) -> int | None:
@@ -272,15 +312,16 @@ def _more_runs(found: Difference, decide: Callable[[int], bool]) -> int | None:
 
 
 def _projected(found: Difference, more: int) -> tuple[float, Interval]:
-    """About which p-value and interval so many further runs give, if they go as those before."""
+    """p-value and interval after so many further runs that go like those before."""
     a, b = found.a, found.b
     runs_a, runs_b = a.runs + more, b.runs + more
     if found.pairs is None:
         bad_a, bad_b = a.rate * runs_a, b.rate * runs_b
-        p = normal_p(bad_a, runs_a, bad_b, runs_b)
+        p = _fisher(round(bad_a), runs_a, round(bad_b), runs_b)
         return p, newcombe(bad_a, runs_a, bad_b, runs_b)
     worse, better = (count * runs_a / a.runs for count in found.pairs)
-    return normal_p_of_pairs(worse, better), paired_interval(worse, better, runs_a)
+    p = mcnemar_exact(round(worse), round(better))
+    return p, paired_interval(worse, better, runs_a)
 
 
 def _by_identity(variants: Iterable[VariantRuns]) -> dict[str, VariantRuns]:

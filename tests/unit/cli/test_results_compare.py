@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -188,3 +189,23 @@ def test_a_campaign_without_runs_has_no_report(vast, results) -> None:
     outcome = vast("results", "junit", "empty", "all.xml")
     assert outcome.code == 2
     assert "has no stored run yet" in outcome.err
+
+
+def test_a_campaign_has_no_difference_from_itself_or_its_copy(vast, results, tmp_path) -> None:
+    shutil.copytree(results / UNCLEAR, tmp_path / "copies" / UNCLEAR)
+    for other in (UNCLEAR, f"copies/{UNCLEAR}"):
+        outcome = vast("results", "compare", UNCLEAR, other, "--fail-on", "unclear")
+        assert outcome.code == 0
+        verdict, statement, counts = outcome.out.splitlines()
+        assert verdict == f"{UNCLEAR} beside {UNCLEAR}: no difference"
+        assert statement == "No difference: both have the same 40 runs, of which 4 did not pass."
+        assert counts == "2 configurations in both: 0 worse, 0 unclear, 0 better, 2 same."
+
+
+def test_equal_rates_of_other_runs_are_no_difference_that_proves_little(vast, results) -> None:
+    later = campaign(results, "hall-2026-03-07-132444", {2.0: 4})
+    for record in later.glob("*/*/run.json"):
+        record.write_text(record.read_text().replace("2026-03-04T", "2026-03-07T"))
+    outcome = vast("results", "compare", UNCLEAR, later.name, "--fail-on", "unclear")
+    assert outcome.code == 6
+    assert "no difference found; too few runs to rule out a rise by 5.0 %" in outcome.out

@@ -71,10 +71,12 @@ def compare(
             f"--margin {margin:g}: a share of runs is at least 0 and below 1, such as 0.05."
         )
     results = results_dir or ctx.obj.results
-    before = read_campaign(named_campaign(results, base))
+    place = named_campaign(results, base)
+    before = read_campaign(place)
     found = []
     for name in new:
-        after = read_campaign(named_campaign(results, name))
+        other = named_campaign(results, name)
+        after = before if other == place else read_campaign(other)
         one = comparison.compare(before.variants, after.variants, margin)
         if not one.overall.a.runs or not one.overall.b.runs:
             raise InputError(
