@@ -33,6 +33,8 @@ class Settings:
     """Room on its node's disk that a run's pod asks for; none when empty."""
     work_limit: str = ""
     """Most that a pod may hold on its disk, as Kubernetes writes amounts; unlimited when empty."""
+    architectures: tuple[str, ...] = ()
+    """Processor architectures of the agent's image, for example `amd64` (default: any)."""
     lease_namespace: str = "default"
     """Where the Lease is that makes one of several replicas the leader."""
     identity: str = "operator"
@@ -93,6 +95,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         pod_limits=_pod_limits(environment.get("ROBOVAST_POD_LIMITS") or "{}"),
         work_request=environment.get("ROBOVAST_WORK_REQUEST", ""),
         work_limit=environment.get("ROBOVAST_WORK_LIMIT", ""),
+        architectures=names("ROBOVAST_ARCHITECTURES"),
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),
         variant_limit=variant_limit(environment),

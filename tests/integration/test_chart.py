@@ -74,8 +74,9 @@ def test_pods_of_the_chart_go_where_the_admin_says() -> None:
     }
     secrets = [{"name": "registry"}]
     values = {"scheduling": scheduling, "page": {"enabled": True}, "imagePullSecrets": secrets}
+    scheduled = scheduling | {"nodeSelector": {"kubernetes.io/os": "linux", "pool": "system"}}
     for pod in pods_of_chart(values).values():
-        assert {key: pod[key] for key in scheduling} == scheduling
+        assert {key: pod[key] for key in scheduling} == scheduled
         assert pod["imagePullSecrets"] == secrets
         assert pod["enableServiceLinks"] is False
 

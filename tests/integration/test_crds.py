@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 from support.kube.chart import of_kind, rendered
@@ -27,6 +29,8 @@ from support.kube.definitions import (
 )
 from support.kube.operator_process import campaign
 from support.patience import eventually
+
+from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 
 
 @pytest.fixture(scope="module")
@@ -358,3 +362,52 @@ def test_an_administrator_can_allow_secrets_by_name_and_what_is_stored_stays_cha
     change = '-p={"spec":{"scheduling":{"imagePullSecrets":[{"name":"another"}]}}}'
     with pytest.raises(StartFailed, match="their names begin with"):
         server.kubectl("patch", "campaign", "older-1", "--type=merge", change)
+
+
+@given(name=st.from_regex(r"[a-z0-9]([-a-z0-9.]{0,60}[a-z0-9])?", fullmatch=True))
+@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+def test_a_name_that_no_pod_can_have_is_refused_at_once_and_others_are_accepted(
+    server: Cluster, name: str
+) -> None:
+    try:
+        answer = create(server, name, {})
+    finally:
+        server.kubectl("delete", "campaign", name, "--ignore-not-found", "--wait=false")
+    fits = len(name) <= CAMPAIGN_NAME_LIMIT and "." not in name
+    if fits or "Invalid value" not in answer:
+        assert fits == (answer == ""), answer
+    else:
+        assert "metadata.name: Invalid value" in answer
+
+
+@pytest.mark.parametrize("image", [" a/b:1", "a/b :1", "a/b:1\t", ""])
+def test_an_image_with_a_space_is_refused_by_its_field(server: Cluster, image: str) -> None:
+    assert "spec.image: Invalid value" in create(server, "spaced", {"image": image})
+    made = campaign("spaced", "default", 1, 1)
+    made["spec"]["vast"]["execution"]["image"] = image
+    answer = create(server, "spaced", made["spec"])
+    assert "spec.vast.execution.image: Invalid value" in answer
+
+
+@given(planned=st.integers(1, 40), runs=st.integers(1, 40))
+@settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+def test_runs_below_the_planned_number_are_refused_with_that_number(
+    server: Cluster, planned: int, runs: int
+) -> None:
+    name = f"planned-{planned}-{runs}"
+    server.kubectl("apply", "-f", "-", stdin=json.dumps(campaign(name, "default", 1, planned)))
+    try:
+        status = json.dumps({"status": {"runsPerConfiguration": planned}})
+        patch = ("patch", "campaign", name, "--type=merge")
+        server.kubectl(*patch, "--subresource=status", f"--patch={status}")
+        try:
+            server.kubectl(*patch, f"--patch={json.dumps({'spec': {'runs': runs}})}")
+            refusal = ""
+        except StartFailed as error:
+            refusal = str(error)
+    finally:
+        server.kubectl("delete", "campaign", name, "--wait=false")
+    assert (refusal == "") == (runs >= planned), refusal
+    if refusal:
+        assert "spec.runs: Invalid value" in refusal
+        assert "`status.runsPerConfiguration`" in refusal

@@ -17,7 +17,6 @@ from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import variants_digest
 from robovast.kubeapi.amounts import check_amounts
-from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.pod_contract.messages import Composed
 from robovast.kubeapi.resources import CampaignSpec
 from robovast.kubeapi.secret_names import refusal
@@ -172,10 +171,6 @@ def _accepted(
     why = _not_reusable(spec, vast, image)
     if why:
         return Rejected("InvalidSpec", f"spec.reuse: {why}")
-    if len(identity.name) > CAMPAIGN_NAME_LIMIT:
-        return Rejected(
-            "InvalidName", f"the Campaign's name is longer than {CAMPAIGN_NAME_LIMIT} characters"
-        )
     check_amounts(vast.execution, spec.cluster or "", settings.work_limit)
     return Accepted(
         identity=identity,

@@ -75,7 +75,7 @@ def run_pod(
         runs: how many of them one start executes at most.
     """
     execution = accepted.vast.execution
-    spec = _pod(accepted, plan, execution.kubernetes.jobs)
+    spec = _pod(accepted, settings, plan, execution.kubernetes.jobs)
     spec["initContainers"] = [
         _compat(accepted, settings),
         *_secondaries(accepted, settings),
@@ -117,7 +117,7 @@ def task_pod(
         command: of the agent.
         sightings: names of the ConfigMaps that say what was seen of pods.
     """
-    spec = _pod(accepted, plan, accepted.vast.execution.kubernetes.control)
+    spec = _pod(accepted, settings, plan, accepted.vast.execution.kubernetes.control)
     # Results that are worked up are all of the campaign, which nobody knows the size of.
     work = _volume(Mount.WORK, emptyDir={}) if command == "process" else _work(settings)
     more = []
@@ -145,7 +145,7 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
     allowed = settings.secret_names
     if refusal(scheduling, allowed):
         scheduling = scheduling.model_copy(update={"image_pull_secrets": []})
-    spec = confined_pod(OWN_USER, GRACE_SECONDS, scheduling)
+    spec = confined_pod(OWN_USER, GRACE_SECONDS, scheduling, architectures=settings.architectures)
     container = _own(settings, "notify", ["notify"], [Mount.RECEIVERS])
     # Kubernetes makes one dollar of two, and replaces `$(NAME)` where there is such a variable.
     told = order.model_dump_json().replace("$", "$$")
@@ -180,10 +180,10 @@ def _receiver_sources(order: Order, allowed: Container[str]) -> list[Object]:
     ]
 
 
-def _pod(accepted: Accepted, plan: str, nodes: Nodes) -> Object:
-    """What all pods of a campaign share."""
-    user = accepted.vast.execution.run_as_user
-    spec = confined_pod(user, GRACE_SECONDS, accepted.spec.scheduling, nodes.node_labels)
+def _pod(accepted: Accepted, settings: Settings, plan: str, nodes: Nodes) -> Object:
+    """Build the part that all pods of a campaign share."""
+    user, scheduling = accepted.vast.execution.run_as_user, accepted.spec.scheduling
+    spec = confined_pod(user, GRACE_SECONDS, scheduling, nodes.node_labels, settings.architectures)
     spec["volumes"] = [
         _volume(Mount.PLAN, configMap={"name": plan}),
         _volume(Mount.FILES, projected={"sources": _file_sources(accepted)}),

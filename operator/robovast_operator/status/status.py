@@ -35,6 +35,7 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
         endpoint=accepted.endpoint,
         image=accepted.image,
         attempt=snapshot.attempt,
+        runs_per_configuration=accepted.runs,
         runs=runs,
         failed_runs=numbers.failed,
         errored_runs=numbers.errored,

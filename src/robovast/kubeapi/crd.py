@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from robovast.base.serialization import dump_yaml
-from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
+from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT, CAMPAIGN_NAME_RULE
 from robovast.kubeapi.resources import (
     COMPARED_VALUES,
     GROUP,
@@ -65,16 +65,22 @@ def campaign_crd() -> Schema:
     spec["properties"]["source"]["x-kubernetes-validations"] = [
         {
             "rule": f"[{named}].filter(x, x).size() <= 1",
-            "message": f"a document's files come from one place: one of {', '.join(sources)}",
+            "message": f"`source` must have at most one of {', '.join(sources)}",
+            "fieldPath": f".{sources[0]}",
         }
     ]
     spec["properties"]["notifications"]["items"]["x-kubernetes-validations"] = [
-        {"rule": "has(self.url) != has(self.urlFrom)", "message": ONE_ADDRESS}
+        {
+            "rule": "has(self.url) != has(self.urlFrom)",
+            "message": ONE_ADDRESS,
+            "fieldPath": ".url",
+        }
     ]
     compared = {
         "rule": "(self.operator in ['Exists', 'DoesNotExist']) == "
         "(!has(self.values) || self.values.size() == 0)",
         "message": COMPARED_VALUES,
+        "fieldPath": ".values",
     }
     nodes = spec["properties"]["scheduling"]["properties"]["nodeAffinity"]["properties"]
     for kind in ("required", "preferred"):
@@ -110,10 +116,19 @@ def campaign_crd() -> Schema:
         selectable=[".spec.queueName", ".status.state"],
         rules=[
             {
-                "rule": f"self.metadata.name.size() <= {CAMPAIGN_NAME_LIMIT}",
-                "message": "the names of a campaign's pods add to its own: at most "
-                f"{CAMPAIGN_NAME_LIMIT} characters",
-            }
+                "rule": f"self.metadata.name.size() <= {CAMPAIGN_NAME_LIMIT} "
+                "&& !self.metadata.name.contains('.')",
+                "message": CAMPAIGN_NAME_RULE,
+                "fieldPath": ".metadata.name",
+            },
+            {
+                "rule": "!has(self.spec.runs) || !has(self.status) "
+                "|| !has(self.status.runsPerConfiguration) "
+                "|| self.spec.runs >= self.status.runsPerConfiguration",
+                "message": "`runs` can only be raised: `status.runsPerConfiguration` is the "
+                "number of runs that are planned already",
+                "fieldPath": ".spec.runs",
+            },
         ],
     )
 
@@ -175,7 +190,8 @@ def _vast_schema() -> Schema:
     vast["x-kubernetes-validations"] = [
         {
             "rule": "!(has(self.search) && has(self.configuration))",
-            "message": "`search` and `configuration` cannot stand together",
+            "message": "a .vast file has either `search` or `configuration`, not both",
+            "fieldPath": ".search",
         }
     ]
     return vast
@@ -258,6 +274,7 @@ def _never_changes(name: str) -> Schema:
         "rule": f"has(self.{name}) == has(oldSelf.{name}) && "
         f"(!has(self.{name}) || self.{name} == oldSelf.{name})",
         "message": f"`{name}` cannot be changed: create another Campaign",
+        "fieldPath": f".{name}",
     }
 
 
@@ -285,7 +302,7 @@ def _crd(
         "properties": {
             "apiVersion": {"type": "string"},
             "kind": {"type": "string"},
-            "metadata": {"type": "object"},
+            "metadata": {"type": "object", "properties": {"name": {"type": "string"}}},
             "spec": spec,
             "status": status,
         },

@@ -14,6 +14,7 @@ from pydantic.alias_generators import to_camel
 from robovast.base import docstrings
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast.kubeapi.secret_names import MADE_FOR_CAMPAIGNS
+from robovast.model.document.execution import IMAGE
 
 GROUP = "robovast.io"
 VERSION = "v1alpha1"
@@ -309,8 +310,8 @@ class CampaignSpec(_Spec):
     """File name of the document in the results; default the Campaign's name and `.vast`."""
     source: Source = Field(default_factory=Source)
     """Files that belong to the document."""
-    image: Annotated[str, Field(min_length=1, max_length=500)] | None = None
-    """Container image, in place of the document's."""
+    image: Annotated[str, Field(pattern=IMAGE, max_length=500)] | None = None
+    """Container image; replaces `execution.image` of the .vast file."""
     cluster: Annotated[str, Field(max_length=253)] | None = None
     """Name of this cluster in values that the document gives per cluster."""
     select: Annotated[

@@ -249,6 +249,8 @@ class CampaignStatus(Lenient):
     """Container image of the runs."""
     attempt: int = 1
     """How often bad runs were executed, at most."""
+    runs_per_configuration: int = 0
+    """Planned runs of each configuration; `spec.runs` cannot be lower."""
     runs: Runs = Field(default_factory=Runs)
     """Numbers of runs."""
     failed_runs: Ranges = ""

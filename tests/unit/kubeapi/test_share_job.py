@@ -50,7 +50,7 @@ def test_the_job_is_suspended_restricted_and_knows_its_results() -> None:
     assert job["spec"]["template"]["metadata"]["labels"][ROLE_LABEL] == "share"
     assert job["spec"]["suspend"]
     pod = job["spec"]["template"]["spec"]
-    assert pod["nodeSelector"] == {"disk": "large"}
+    assert pod["nodeSelector"] == {"kubernetes.io/os": "linux", "disk": "large"}
     assert pod["imagePullSecrets"] == [{"name": "robovast-pull"}]
     assert not pod["automountServiceAccountToken"]
     (container,) = pod["containers"]

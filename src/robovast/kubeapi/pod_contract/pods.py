@@ -29,16 +29,25 @@ WHOLE_CAMPAIGN: Object = {
 """Resources of our own containers that work on a whole campaign."""
 
 
+LINUX = {"kubernetes.io/os": "linux"}
+"""Label of the nodes that can run our containers: clusters also have Windows nodes."""
+
+
 def confined_pod(
-    user: int, grace: int, scheduling: Scheduling, node_labels: Mapping[str, str] | None = None
+    user: int,
+    grace: int,
+    scheduling: Scheduling,
+    node_labels: Mapping[str, str] | None = None,
+    architectures: Sequence[str] = (),
 ) -> Object:
-    """A pod spec without a service account token, restricted to allowed nodes.
+    """Build a pod spec without a service account token that selects allowed Linux nodes.
 
     Args:
-        user: number of the user whose files are on its volumes.
-        grace: time to end after a request [s].
+        user: number of the user who owns the files on its volumes.
+        grace: termination grace period [s].
         scheduling: scheduling of the campaign's spec.
-        node_labels: labels of the allowed nodes, beside those of `scheduling`.
+        node_labels: labels of the allowed nodes, in addition to those of `scheduling`.
+        architectures: processor architectures of our image, for example `amd64` (default: any).
     """
     spec: Object = {
         "restartPolicy": "Never",
@@ -55,16 +64,21 @@ def confined_pod(
     }
     own = {"node_affinity", "topology_spread"}
     given = scheduling.model_dump(by_alias=True, exclude_none=True, exclude=own)
-    given["nodeSelector"] = {**(node_labels or {}), **given["nodeSelector"]}
-    given["affinity"] = _affinity(scheduling.node_affinity)
+    given["nodeSelector"] = {**LINUX, **(node_labels or {}), **given["nodeSelector"]}
+    given["affinity"] = _affinity(scheduling.node_affinity, architectures)
     return spec | {name: value for name, value in given.items() if value}
 
 
-def _affinity(nodes: NodeAffinity) -> Object:
-    """The affinity of a pod; empty when it may be on any node."""
+def _affinity(nodes: NodeAffinity, architectures: Sequence[str]) -> Object:
+    """Build the affinity of a pod; empty if it may be on any node."""
     found: Object = {}
-    if nodes.required:
-        terms = [{"matchExpressions": [_expression(item) for item in nodes.required]}]
+    required = [_expression(item) for item in nodes.required]
+    if architectures:
+        required.append(
+            {"key": "kubernetes.io/arch", "operator": "In", "values": list(architectures)}
+        )
+    if required:
+        terms = [{"matchExpressions": required}]
         found["requiredDuringSchedulingIgnoredDuringExecution"] = {"nodeSelectorTerms": terms}
     if nodes.preferred:
         found["preferredDuringSchedulingIgnoredDuringExecution"] = [

@@ -132,6 +132,9 @@ class Nodes(Section):
     """Labels that a node must have, all of them."""
 
 
+IMAGE = r"^\S+$"
+"""Pattern of an image reference: registries answer for its other rules."""
+
 ClaimTemplate = Annotated[str, Field(pattern=r"^[a-z0-9][-a-z0-9.]{0,252}$")]
 
 
@@ -306,7 +309,7 @@ RunsPerJob = Annotated[
 class Execution(Section):
     """How and where runs are executed."""
 
-    image: str | None = None
+    image: Annotated[str, Field(pattern=IMAGE, max_length=500)] | None = None
     """Container image; the `--image` option and `ROBOVAST_IMAGE` come before it."""
     runs: Annotated[
         Annotated[Count, Tag(KINDS_OF_RUNS[0])] | Annotated[RunsAsNeeded, Tag(KINDS_OF_RUNS[1])],
