@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from robovast_cli.ui.usage import name_values, refuse_contexts
+from robovast_cli.ui.usage import name_values, normalize_paths, refuse_contexts
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class LazyCommand(TyperCommand):
     def load(self) -> Any:
         """The command itself."""
         module, _, attribute = self._target.partition(":")
-        return refuse_contexts(name_values(get_command(getattr(import_module(module), attribute))))
+        command = get_command(getattr(import_module(module), attribute))
+        return refuse_contexts(normalize_paths(name_values(command)))
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any

@@ -13,7 +13,7 @@ from typer.main import get_command
 from robovast.base.printable import PrintableFormatter
 from robovast_cli.lazy import Lazy, add_lazy, new_app, paths_of
 from robovast_cli.ui.report import errors_reported
-from robovast_cli.ui.usage import usage_explained
+from robovast_cli.ui.usage import normalize_paths, usage_explained
 from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
@@ -153,7 +153,7 @@ def command() -> Any:
     root = get_command(app)  # registers the shells that can be completed
     own = {"install_completion", "show_completion"}  # `vast install-completion` does that
     root.params = [param for param in root.params if param.name not in own]
-    return root
+    return normalize_paths(root)
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robovast.base.errors import InputError
+from robovast.base.paths import normalized
 from robovast_cli.ui.report import tell
 from robovast_cli.ui.working import working
 
@@ -75,7 +76,11 @@ class Workspace:
     @property
     def results(self) -> Path:
         """Folder of campaigns: the project's results folder, or `results` in this folder."""
-        return shown(self.project.results_dir) if self.project is not None else DEFAULT_RESULTS
+        return (
+            shown(normalized(self.project.results_dir))
+            if self.project is not None
+            else DEFAULT_RESULTS
+        )
 
 
 def shown(path: Path) -> Path:

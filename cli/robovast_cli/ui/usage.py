@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import typer
+
+from robovast.base.paths import normalized
 
 _TOO_MANY = "Got unexpected extra argument"
 _VAST_FILE = ". The .vast file stands before the command: `vast -V FILE …`."
@@ -56,6 +59,20 @@ def name_values(command: Any) -> Any:
     for child in getattr(command, "commands", {}).values():
         name_values(child)
     return command
+
+
+def normalize_paths(command: Any) -> Any:
+    """The command, which receives all its paths without `..`; see `normalized`."""
+    for param in command.params:
+        if param.type_descriptor.annotation is Path and param.callback is None:
+            param.callback = _normalized
+    for child in getattr(command, "commands", {}).values():
+        normalize_paths(child)
+    return command
+
+
+def _normalized(_ctx: object, _param: object, value: Any) -> Any:
+    return normalized(value) if isinstance(value, Path) else value
 
 
 def refuse_contexts(command: Any) -> Any:

@@ -88,14 +88,8 @@ def _source(path: str | Path, base: Path, campaign: Path) -> str:
 
 def _relative(path: str | Path, base: Path, campaign: Path) -> str | None:
     """A path relative to the campaign; None if it is outside."""
-    parts: list[str] = []
-    for part in PurePosixPath(base.absolute(), path).parts:
-        if part == "..":
-            parts = parts[:-1] or parts
-        else:
-            parts.append(part)
-    absolute = PurePosixPath(*parts)
-    root = PurePosixPath(campaign.absolute())
+    absolute = PurePosixPath(os.path.normpath(base.absolute() / path))
+    root = PurePosixPath(os.path.normpath(campaign.absolute()))
     if absolute == root or not absolute.is_relative_to(root):
         return None
     return str(absolute.relative_to(root))
