@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterable, Iterator
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
+_DATE = re.compile(r"_\d{4}_\d\d_\d\d-\d\d_\d\d_\d\d$")
 _NO_FIELDS = {"__msgtype__", "structure_needs_at_least_one_member"}
 """What messages of the package rosbags have besides their fields."""
 
@@ -67,14 +70,20 @@ def find_rosbags(directory: str | Path, bag_dir_name: str = "rosbag2") -> list[s
 
     Args:
         directory: where to search; links are not followed.
-        bag_dir_name: what the folder of a bag is called.
+        bag_dir_name: name of a bag's folder, or a pattern such as `rosbag2_*`. A folder whose name
+            has the recorder's date in addition (`rosbag2_2026_01_31-12_00_00`) is found, too.
     """
     top = Path(directory)
-    found = [str(top)] if top.name == bag_dir_name and top.is_dir() else []
+    found = [str(top)] if _is_named(top.name, bag_dir_name) and top.is_dir() else []
     for folder, names, _ in os.walk(directory):
-        found += (os.path.join(folder, name) for name in names if name == bag_dir_name)
-        names[:] = [name for name in names if name != bag_dir_name]  # a bag has no bags in it
+        bags = {name for name in names if _is_named(name, bag_dir_name)}
+        found += (os.path.join(folder, name) for name in bags)
+        names[:] = [name for name in names if name not in bags]  # a bag has no bags in it
     return sorted(path for path in found if not os.path.islink(path))
+
+
+def _is_named(name: str, wanted: str) -> bool:
+    return fnmatchcase(name, wanted) or fnmatchcase(_DATE.sub("", name), wanted)
 
 
 def gen_msg_values(msg: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import traceback
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -18,6 +18,7 @@ from robovast.analysis.bags.definitions import DefinitionError
 from robovast.analysis.bags.files import read_bag, read_info
 from robovast.analysis.bags.job import Context, Worker
 from robovast.analysis.bags.jobs import start
+from robovast.analysis.bags.names import ends_with, undated
 from robovast.analysis.bags.rosout import ROSOUT
 from robovast.analysis.bags.source import Consumer, Topic
 from robovast.base.errors import RobovastError, StorageError
@@ -113,8 +114,9 @@ def convert_run(
     """
     conversion = Conversion()
     tasks: dict[Path, list[_Task]] = {}
+    warn = conversion.remarks.setdefault
     for job in jobs:
-        found = list(_tasks(run_dir, job))
+        found = list(_tasks(run_dir, job, lambda text: warn((None, text))))
         for bag, task in found:
             tasks.setdefault(bag, []).append(task)
         if not found:
@@ -125,9 +127,11 @@ def convert_run(
     return conversion
 
 
-def _tasks(run_dir: Path, job: BagCommand) -> Iterator[tuple[Path, _Task]]:
+def _tasks(
+    run_dir: Path, job: BagCommand, warn: Callable[[str], object]
+) -> Iterator[tuple[Path, _Task]]:
     """The tasks of a job: one for each of its bags."""
-    own = _bags(run_dir, job.bag_dir)
+    own = _bags(run_dir, job.bag_dir, warn)
     recording = _recording(run_dir, job.bag_dir)
     if isinstance(job, RosoutToCsv):
         if job.bag_dir == JOB_LOGS:
@@ -148,11 +152,27 @@ def _missing(run_dir: Path, job: BagCommand) -> tuple[BagCommand | None, str]:
     return None, f"there is no bag: no folder `{name}` in it"
 
 
-def _bags(run_dir: Path, bag_dir: str) -> list[Path]:
-    """Bags of a run whose path has a suffix."""
-    end = Path(bag_dir).parts
-    found = (Path(path) for path in find_rosbags(run_dir, end[-1]))
-    return [bag for bag in found if bag.relative_to(run_dir).parts[-len(end) :] == end]
+def _bags(run_dir: Path, bag_dir: str, ignored: Callable[[str], object] = len) -> list[Path]:
+    """Bags of a run whose path ends with names or patterns, one of each folder.
+
+    Several in a folder would be converted to the same files. The one without a date counts, or else
+    the one recorded last.
+
+    Args:
+        run_dir: the run's folder.
+        bag_dir: the names or patterns.
+        ignored: receives a remark on each folder with several bags.
+    """
+    found: dict[Path, list[Path]] = {}
+    for bag in map(Path, find_rosbags(run_dir, Path(bag_dir).name)):
+        if ends_with(bag.relative_to(run_dir), bag_dir):
+            found.setdefault(bag.parent, []).append(bag)
+    for bags in found.values():
+        bags.sort(key=lambda bag: (bag.name == undated(bag.name), bag.name))
+        if len(bags) > 1:
+            others = ", ".join(bag.name for bag in bags[:-1])
+            ignored(f"only the bag {bags[-1].name} is converted, not {others}; see `bag_dir`")
+    return [bags[-1] for bags in found.values()]
 
 
 def _recording(run_dir: Path, bag_dir: str) -> Path | None:

@@ -28,8 +28,17 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 _SEPARATOR = "=" * 80
+_SECTION = re.compile(rf"^{_SEPARATOR}\n", re.MULTILINE)
 _IDL_SEPARATOR = re.compile(rf"^{_SEPARATOR}\nIDL: .*$", re.MULTILINE)
-_FEEDBACK = "_FeedbackMessage"
+_FEEDBACK, _EVENT = "_FeedbackMessage", "_Event"
+_PARTS = re.compile(r"^---\s*$", re.MULTILINE)
+"""Separates request and response of a service, or goal, result and feedback of an action."""
+_LONGEST_CAUSE = 120
+"""Longest quotation of a parser's message, which contains the whole definition [characters]."""
+WSTRING = "wstring"
+_WSTRING_BOUND = re.compile(rf"^(\s*{WSTRING})<=\d+", re.MULTILINE)
+_WSTRING_CONSTANT = re.compile(rf"^[ \t]*{WSTRING}\s+\w+[ \t]*=.*$", re.MULTILINE)
+"""What the parser does not know of 16-bit text; neither changes how a message is stored."""
 
 
 class DefinitionError(ValueError):
@@ -67,8 +76,9 @@ def types_of(definition: Definition, folder: Path | None, distribution: str) -> 
     """
     try:
         own = _own_types(definition, folder)
-    except (TypesysError, ValueError, KeyError, IndexError) as error:
-        raise DefinitionError(f"the definition of {definition.type} is wrong: {error}") from error
+    except (TypesysError, ValueError, KeyError, IndexError, OSError) as error:
+        cause = " ".join(str(error).split())[:_LONGEST_CAUSE]
+        raise DefinitionError(f"the definition of {definition.type} is wrong: {cause}") from error
     if not _missing(definition.type, own):
         return own
     known = {**_distribution_types(distribution), **own}
@@ -79,8 +89,6 @@ def types_of(definition: Definition, folder: Path | None, distribution: str) -> 
 
 
 def _what_is_missing(type_: str) -> str:
-    if type_.endswith("/wstring"):
-        return "fields of type wstring are not supported"
     return (
         f"neither the bag nor ROS 2 defines {type_}; add its file `{_file_of(type_)}` to the run "
         "files"
@@ -106,7 +114,12 @@ def _used(field: FieldDesc) -> list[str]:
     kind, what = cast("tuple[Nodetype, Any]", field)
     if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
         kind, what = what[0]
-    return [what] if kind is Nodetype.NAME else []
+    return [what] if kind is Nodetype.NAME and not is_wstring(what) else []
+
+
+def is_wstring(type_: str) -> bool:
+    """True for ROS's 16-bit text, which the parser of definitions takes for a message type."""
+    return type_.rpartition("/")[2] == WSTRING
 
 
 def typestore_of(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
@@ -132,9 +145,31 @@ def _distribution_types(distribution: str) -> Typesdict:
 def _own_types(definition: Definition, folder: Path | None) -> Typesdict:
     if not definition.given:
         return _types_from_files(definition.type, folder)
+    text = "\n".join(definition.text.lstrip("\ufeff").splitlines()) + "\n"
     if definition.encoding != "ros2msg":
-        return _types_from_idl(definition.text)
-    return get_types_from_msg(definition.text, definition.type)
+        return _types_from_idl(text)
+    return _types_from_msg(text, definition.type)
+
+
+def _types_from_msg(text: str, type_: str) -> Typesdict:
+    """Types in concatenated .msg files, or in a .srv file followed by .msg files."""
+    text = _WSTRING_CONSTANT.sub("", _WSTRING_BOUND.sub(r"\1", text))
+    first, *further = _SECTION.split(text)
+    parts = _PARTS.split(first)
+    if type_.endswith(_EVENT) and len(parts) == 2:
+        service = type_.removesuffix(_EVENT)
+        package, name = service.split("/")[0], service.rpartition("/")[2]
+        names = (f"{package}/{name}_Request", f"{package}/{name}_Response")
+        further += (f"MSG: {name}\n{part}" for name, part in zip(names, parts, strict=True))
+        first = (
+            f"service_msgs/ServiceEventInfo info\n{names[0]}[<=1] request\n"
+            f"{names[1]}[<=1] response\n"
+        )
+    # The parser adds the folder `msg` to types of services.
+    plain = type_.replace("/srv/", "/msg/")
+    types = get_types_from_msg(f"\n{_SEPARATOR}\n".join([first, *further]), plain)
+    types[type_] = types[plain]
+    return types
 
 
 def _types_from_idl(text: str) -> Typesdict:
@@ -148,10 +183,11 @@ def _types_from_idl(text: str) -> Typesdict:
 
 def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
     path = _find(type_, folder)
+    text = path.read_text(encoding="utf-8-sig", errors="replace") if path else ""
     if not type_.endswith(_FEEDBACK):
-        return get_types_from_msg(path.read_text(encoding="utf-8"), type_) if path else {}
+        return _types_from_msg(text, type_) if path else {}
     action = type_.removesuffix(_FEEDBACK)
-    feedback = _feedback(path) if path else FEEDBACK.get(action)
+    feedback = _PARTS.split(text)[-1] if path else FEEDBACK.get(action)
     if feedback is None:
         return {}
     package, name = action.split("/")[::2]
@@ -162,14 +198,11 @@ def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
     return get_types_from_msg(message, type_)
 
 
-def _feedback(action: Path) -> str:
-    """The last of the three parts of an action definition."""
-    return re.split(r"^---\s*$", action.read_text(encoding="utf-8"), flags=re.MULTILINE)[-1]
-
-
 def _file_of(type_: str) -> str:
-    name = type_.removesuffix(_FEEDBACK)
-    return name + (".action" if name != type_ else ".msg")
+    for ending, suffix in ((_FEEDBACK, ".action"), (_EVENT, ".srv")):
+        if type_.endswith(ending) and "/msg/" not in type_:
+            return type_.removesuffix(ending) + suffix
+    return f"{type_}.msg"
 
 
 def _find(type_: str, folder: Path | None) -> Path | None:

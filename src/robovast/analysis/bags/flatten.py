@@ -20,7 +20,7 @@ import orjson
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 
-from robovast.analysis.bags.definitions import DefinitionError
+from robovast.analysis.bags.definitions import WSTRING, DefinitionError, is_wstring
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import FieldDesc, Typesdict
@@ -44,6 +44,7 @@ _CODES = {
     "float32": "f",
     "float64": "d",
 }
+_TEXTS = ("string", WSTRING)
 _PLACEHOLDER = "structure_needs_at_least_one_member"
 """Placeholder that IDL puts into messages without fields."""
 _NEEDS_QUOTES = re.compile(rb'[",\r\n]').search
@@ -54,6 +55,13 @@ def text_cell(raw: bytes) -> bytes:
     if not raw.isascii():
         raw = raw.decode("utf-8", "backslashreplace").encode()
     return b'"' + raw.replace(b'"', b'""') + b'"' if _NEEDS_QUOTES(raw) else raw
+
+
+def _from_utf_16(encoding: str) -> Callable[[bytes], bytes]:
+    return lambda raw: raw.decode(encoding, "replace").rstrip("\0").encode()
+
+
+_FROM_UTF_16 = {"<": _from_utf_16("utf-16-le"), ">": _from_utf_16("utf-16-be")}
 
 
 def number_text(values: Any) -> bytes:
@@ -98,7 +106,7 @@ def _sorted_places(count: int) -> NDArray[np.int64]:
 class _Field:
     name: str
     of: str
-    """A message type, a key of `_CODES`, or `string`."""
+    """A message type, a key of `_CODES`, or one of `_TEXTS`."""
     base: bool
     count: int | None
     """Length of a fixed array; None for anything else."""
@@ -116,7 +124,8 @@ def _fields(type_: str, types: Typesdict) -> Iterator[_Field]:
 def _field(name: str, description: FieldDesc) -> _Field:
     kind, what = cast("tuple[Nodetype, Any]", description)
     if kind is Nodetype.NAME:
-        return _Field(name, what, False, None, False)
+        wide = is_wstring(what)
+        return _Field(name, WSTRING if wide else what, wide, None, False)
     if kind is Nodetype.BASE:
         return _Field(name, what[0], True, None, False)
     element, count = what
@@ -139,7 +148,7 @@ def _columns(
     for field in _fields(type_, types):
         path = f"{prefix}.{field.name}" if prefix else field.name
         count = next(lengths) if field.sequence else field.count
-        if field.sequence and field.base and field.of != "string":
+        if field.sequence and field.base and field.of not in _TEXTS:
             if count:
                 yield [f"{path}[{place}]" for place in _sorted_places(count).tolist()]
             continue
@@ -184,6 +193,7 @@ class _Compiler:
             "bool_cells": bool_cells,
             "number_cells": number_cells,
             "text_cell": text_cell,
+            "wide_text": _FROM_UTF_16[order],
             "length": Struct(f"{order}I").unpack_from,
         }
 
@@ -211,11 +221,11 @@ class _Compiler:
             self.field(field)
 
     def field(self, field: _Field) -> None:
-        if field.base and field.of != "string" and field.of not in _CODES:
+        if field.base and field.of not in {*_TEXTS, *_CODES}:
             raise DefinitionError(f"fields of type {field.of} are not supported")
         if field.sequence:
             self.sequence(field)
-        elif field.base and field.of != "string":
+        elif field.base and field.of not in _TEXTS:
             self.numbers(field.of, 1 if field.count is None else field.count)
         elif field.count is None:
             self.element(field)
@@ -224,7 +234,7 @@ class _Compiler:
 
     def element(self, field: _Field) -> None:
         if field.base:
-            self.string()
+            self.text(field.of)
         else:
             self.message(field.of)
 
@@ -241,7 +251,7 @@ class _Compiler:
     def sequence(self, field: _Field) -> None:
         self.read_length()
         self.emit("s.append(n)")
-        if not field.base or field.of == "string":
+        if not field.base or field.of in _TEXTS:
             # Every element takes at least one byte; a damaged length may be anything.
             self.emit("if n > len(b): raise ValueError('wrong length')")
             self.loop("n", field)
@@ -263,9 +273,13 @@ class _Compiler:
         native = self.constant(np.dtype(code))
         return f"array(b, {source}, {count}, o).astype({native}, copy=False)"
 
-    def string(self) -> None:
+    def text(self, kind: str) -> None:
         self.read_length()
-        self.emit("c.append(text_cell(b[o : o + n - 1]) if n else b'')")
+        if kind == WSTRING:
+            self.emit("n *= 2")
+            self.emit("c.append(text_cell(wide_text(b[o : o + n])))")
+        else:
+            self.emit("c.append(text_cell(b[o : o + n - 1]) if n else b'')")
         self.emit("o += n")
         self.modulus, self.residue = 1, 0
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from robovast.analysis.bags.flatten import Shape, seconds_cell, text_cell
 from robovast.analysis.bags.job import Context, nothing_on
+from robovast.analysis.bags.names import undated
 from robovast.analysis.bags.source import Consumer, Topic
 from robovast.analysis.bags.table import written
 from robovast.model.document.commands import TopicsToCsv, flat
@@ -104,5 +105,5 @@ class TopicsWorker(TableWorker):
 
 
 def topic_file(context: Context, topic: str) -> str:
-    """File name of a topic without suffix."""
-    return f"{context.bag.name}_{flat(topic)}"
+    """File name of a topic without suffix; the same in all runs, whatever their bags' dates."""
+    return f"{undated(context.bag.name)}_{flat(topic)}"

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
+from robovast.analysis.bags.names import ends_with, undated
 from robovast.base.errors import RobovastError
 from robovast.evaluation.files import FileEntry, list_files
 from robovast.evaluation.inside import MissingError
@@ -65,11 +66,12 @@ def bag_of(results: Path, place: str, named: Named) -> str:
 def bags_in(files: Iterable[FileEntry]) -> list[str]:
     """Folders with files of bags, even of recorders that were killed; the likeliest first."""
     folders = {str(PurePosixPath(e.path).parent) for e in files if e.path.endswith(_KINDS)}
-    return sorted(folders, key=lambda path: (not path.endswith(_USUAL), path.count("/"), path))
+    return sorted(
+        folders, key=lambda path: (not undated(path).endswith(_USUAL), path.count("/"), path)
+    )
 
 
 def chosen(bags: Sequence[str], name: str) -> str | None:
     """The bag whose path ends with a name, or the likeliest one."""
-    end = PurePosixPath(name).parts
-    fitting = (bag for bag in bags if PurePosixPath(bag).parts[-len(end) :] == end)
+    fitting = (bag for bag in bags if ends_with(PurePosixPath(bag), name))
     return next(iter(bags if not name else fitting), None)

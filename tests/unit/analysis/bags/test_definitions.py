@@ -14,14 +14,14 @@ PAYLOAD = b"\x00\x01\x00\x00" + (7).to_bytes(4, "little")
 """A message that is one int32."""
 
 
-def record(folder: Path, type_: str, encoding: str, text: str) -> Path:
+def record(folder: Path, type_: str, encoding: str, text: str, payload: bytes = PAYLOAD) -> Path:
     folder.mkdir()
     with (folder / "rosbag2_0.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start()
         schema = writer.register_schema(type_, encoding, text.encode())
         channel = writer.register_channel("/a", "cdr", schema)
-        writer.add_message(channel, START, PAYLOAD, START)
+        writer.add_message(channel, START, payload, START)
         writer.finish()
     return folder
 
@@ -71,7 +71,6 @@ def test_the_definition_of_another_type_may_lie_beside_the_vast_file(tmp_path: P
     [
         ("int32[ a", "is wrong"),
         ("other_msgs/Thing thing", "other_msgs/msg/Thing.msg"),
-        ("wstring text", "wstring are not supported"),
     ],
 )
 def test_a_definition_that_cannot_be_used_is_stated(tmp_path: Path, text: str, said: str) -> None:
@@ -79,6 +78,43 @@ def test_a_definition_that_cannot_be_used_is_stated(tmp_path: Path, text: str, s
     (warning,) = convert(bag)
     assert warning.startswith("/a is left out: ")
     assert said in warning
+
+
+@pytest.mark.parametrize("text", ["int32[ a\n" * 500, "int32 x\n---\n---\nint32 y\n"])
+def test_a_definition_that_cannot_be_read_is_one_short_line(tmp_path: Path, text: str) -> None:
+    bag = record(tmp_path / "rosbag2", "my_msgs/msg/Odd", "ros2msg", text)
+    (warning,) = convert(bag)
+    assert "\n" not in warning
+    assert len(warning) < 250
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r", "\n"])
+@pytest.mark.parametrize("start", ["", "\ufeff", "# comment — "])
+def test_line_ends_and_byte_order_marks_do_not_matter(tmp_path: Path, start: str, end: str) -> None:
+    lines = [f"{start}# first", "other_msgs/Part part", "=" * 80, "MSG: other_msgs/Part"]
+    text = end.join([*lines, "int32 data"])
+    assert convert(record(tmp_path / "rosbag2", "my_msgs/msg/Odd", "ros2msg", text)) == []
+    assert data(tmp_path / "rosbag2", "part.data") == ["7"]
+
+
+def wide(text: str, order: str) -> bytes:
+    """Text as Fast DDS and Cyclone DDS store it: the number of 16-bit units, and the units."""
+    units = text.encode(f"utf-16-{order}e")
+    return (len(units) // 2).to_bytes(4, "little" if order == "l" else "big") + units
+
+
+@pytest.mark.parametrize("order", ["l", "b"])
+@pytest.mark.parametrize("text", ["", "a", "Zürich", "東京", "🤖", "a,b\n"])
+@pytest.mark.parametrize(
+    "definition", ["wstring text", 'wstring<=9 text\nwstring NAME="x"', "wstring[1] text"]
+)
+def test_wide_text_is_read(tmp_path: Path, order: str, text: str, definition: str) -> None:
+    head = b"\0\1\0\0" if order == "l" else b"\0\0\0\0"
+    content = head + wide(text, order)
+    bag = record(tmp_path / "rosbag2", "my_msgs/msg/W", "ros2msg", definition, content)
+    assert convert(bag) == []
+    name = "text[0]" if "[" in definition else "text"
+    assert data(bag, name) == [text]
 
 
 def test_messages_that_are_not_cdr_are_stated(tmp_path: Path) -> None:

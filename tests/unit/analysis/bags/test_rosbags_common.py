@@ -54,6 +54,22 @@ def test_bags_are_found_at_any_depth_but_not_behind_links(tmp_path: Path) -> Non
     assert find_rosbags(tmp_path / "a/0/rosbag2") == [str(tmp_path / "a/0/rosbag2")]
 
 
+def test_bags_are_found_by_patterns_and_with_the_date_of_the_recorder(tmp_path: Path) -> None:
+    names = ("rosbag2", "rosbag2_2026_11_25-12_00_07", "rosbag2_front", "rosbag2_2026")
+    for name in names:
+        (tmp_path / name).mkdir()
+    found = {
+        pattern: [Path(path).name for path in find_rosbags(tmp_path, pattern)]
+        for pattern in ("rosbag2", "rosbag2_*", "rosbag2_f*t", "*_2026")
+    }
+    assert found == {
+        "rosbag2": ["rosbag2", "rosbag2_2026_11_25-12_00_07"],
+        "rosbag2_*": ["rosbag2_2026", "rosbag2_2026_11_25-12_00_07", "rosbag2_front"],
+        "rosbag2_f*t": ["rosbag2_front"],
+        "*_2026": ["rosbag2_2026"],
+    }
+
+
 class Point:
     """As rclpy makes them."""
 
