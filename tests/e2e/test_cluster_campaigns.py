@@ -212,7 +212,7 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
     lab.quick("talk", script, "  runs_per_job: 3\n  resources: {shm_size: 96Mi}\n")
     inside = ("-n", lab.namespace)
     follower = subprocess.Popen(
-        [VAST, "exec", "cluster", "logs", "-f", "talk", "one-2/0", *inside],
+        [VAST, "exec", "cluster", "logs", "--follow", "talk", "one-2/0", *inside],
         env=os.environ | lab.env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert follower.stdout is not None

@@ -950,7 +950,7 @@ def test_a_run_without_a_log_says_why_and_one_that_is_none_which_there_are(
     unknown = vast("logs", "sweep-9-9/0")
     assert unknown.code == 2
     assert "the campaign has no run `sweep-9-9/0`; it has 13" in unknown.err
-    assert vast("logs").code == vast("logs", "--failed", "-f").code == 2
+    assert vast("logs").code == vast("logs", "--failed", "--follow").code == 2
 
 
 @pytest.mark.parametrize("command", ["logs", "debug"])

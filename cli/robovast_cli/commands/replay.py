@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from robovast.base.errors import InputError
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import new_app
 
@@ -17,7 +18,6 @@ Runtime = Annotated[
 Image = Annotated[
     str | None,
     typer.Option(
-        "-i",
         "--image",
         help="Container image, in place of the one that ran.",
         show_default=False,
@@ -43,7 +43,6 @@ def replay(
     times: Annotated[
         int,
         typer.Option(
-            "-n",
             "--times",
             min=1,
             max=100_000,
@@ -86,6 +85,11 @@ def replay(
 def brought_here(run: Path, out: Path, context: str | None, namespace: str | None) -> Path:
     """The folder of a run, fetched below `out` if only a cluster has it."""
     if not is_stored_elsewhere(run):
+        if context or namespace:
+            raise InputError(
+                f"{run} is on this machine, but `--context` and `--namespace` choose a run of a "
+                "cluster: remove them. `--times` sets how often `vast replay` runs it."
+            )
         return run
     from robovast_cli.kube.extra import cluster_extra
 

@@ -52,7 +52,7 @@ def _row(pair: Pair) -> list[str]:
 
 
 def _more(count: int, most: int) -> str:
-    return f"… and {count - most} more (`-n 0` shows all)\n" if most and count > most else ""
+    return f"… and {count - most} more (`--worst 0` shows all)\n" if most and count > most else ""
 
 
 def holes_text(document: Document, entries: Sequence[EntryCoverage]) -> tuple[str, int]:

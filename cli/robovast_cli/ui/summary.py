@@ -92,7 +92,7 @@ def _text(findings: Findings, worst: int) -> str:
     shown = rates.configurations[: worst or None]
     left = rates.configurations[len(shown) :]
     table = format_table(COLUMNS, map(_short_row, shown))
-    more = f"… and {len(left)} more: {_states(left)} (`-n 0` shows all)\n" if left else ""
+    more = f"… and {len(left)} more: {_states(left)} (`--worst 0` shows all)\n" if left else ""
     return (
         f"{table}{more}\n{_causes(findings.causes, worst)}{_effects(findings)}{counts_text(rates)}"
         f"{_remedy(findings)}"
@@ -137,7 +137,7 @@ def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
         for group in shown
     ]
     left = len(causes) - len(shown)
-    more = f"… and {left} more causes (`-n 0` shows all)\n" if left else ""
+    more = f"… and {left} more causes (`--worst 0` shows all)\n" if left else ""
     return f"{format_table(_CAUSE_COLUMNS, rows)}{more}\n"
 
 

@@ -73,12 +73,12 @@ def test_pairs_that_were_run_those_that_failed_and_holes(tmp_path, capsys) -> No
         "triples 6 of 36 (17 %)\n"
     )
     assert "NEVER RUN" in text
-    assert "… and 8 more (`-n 0` shows all)" in text
+    assert "… and 8 more (`--worst 0` shows all)" in text
 
 
 def test_the_page_shows_what_is_printed(tmp_path, capsys) -> None:
     document = DOCUMENT.replace("{kind: random, count: 6, seed: 1}", "{kind: lhs, count: 12}")
-    _, text = said([stored(tmp_path, document), "-n", "3"], capsys)
+    _, text = said([stored(tmp_path, document), "--worst", "3"], capsys)
     assert text in (ROOT / "docs/confidence.md").read_text(encoding="utf-8")
 
 

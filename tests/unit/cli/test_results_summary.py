@@ -45,8 +45,8 @@ def test_it_says_what_is_broken_sound_and_undecided(vast, results) -> None:
 
 def test_a_folder_of_one_campaign_will_do_and_the_table_can_be_short(vast, results) -> None:
     for place in (results, results / NAME, f"{results / NAME}/"):
-        outcome = vast("results", "summary", place, "-n", 1)
-        assert "… and 2 more: 0 broken, 1 undecided, 1 sound (`-n 0` shows all)" in outcome.out
+        outcome = vast("results", "summary", place, "--worst", 1)
+        assert "… and 2 more: 0 broken, 1 undecided, 1 sound (`--worst 0` shows all)" in outcome.out
 
 
 def test_json_has_everything(vast, results) -> None:

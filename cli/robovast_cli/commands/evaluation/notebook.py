@@ -46,7 +46,6 @@ def notebook(
     override: Annotated[
         Path | None,
         typer.Option(
-            "-o",
             "--override",
             metavar="VAST_FILE",
             help="Take the notebook from this file, not from the campaign's own.",

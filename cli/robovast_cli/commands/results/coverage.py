@@ -30,7 +30,7 @@ def coverage(
     ] = None,
     worst: Annotated[
         int,
-        typer.Option("-n", "--worst", min=0, metavar="N", help="Lines of each table; 0 means all."),
+        typer.Option("--worst", min=0, metavar="N", help="Lines of each table; 0 means all."),
     ] = 10,
     holes: Annotated[
         Path | None,

@@ -22,7 +22,6 @@ def publish(
     override: Annotated[
         Path | None,
         typer.Option(
-            "-o",
             "--override",
             metavar="VAST_FILE",
             help="Use this .vast file in place of each campaign's own.",

@@ -43,7 +43,7 @@ def summary(
     worst: Annotated[
         int,
         typer.Option(
-            "-n", "--worst", min=0, metavar="N", help="Configurations in the table; 0 means all."
+            "--worst", min=0, metavar="N", help="Configurations in the table; 0 means all."
         ),
     ] = 30,
     output: ReportFormat = "text",

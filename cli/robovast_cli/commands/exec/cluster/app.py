@@ -20,7 +20,6 @@ from robovast_cli.lazy import new_app
 Image = Annotated[
     str | None,
     typer.Option(
-        "-i",
         "--image",
         envvar="ROBOVAST_IMAGE",
         show_envvar=False,
@@ -197,7 +196,7 @@ def monitor(
 def logs(
     words: RunWords = None,
     follow: Annotated[
-        bool, typer.Option("-f", "--follow", help="Wait for the run, print what comes.")
+        bool, typer.Option("--follow", help="Wait for the run, print what comes.")
     ] = False,
     secondary: Secondary = None,
     tail: Annotated[
@@ -407,7 +406,7 @@ def run_cleanup(
 @app.command()
 def download_cleanup(
     campaign: CampaignName = None,
-    yes: Annotated[bool, typer.Option("-f", "--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("-y", "--yes", help="Do not ask.")] = False,
     _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
