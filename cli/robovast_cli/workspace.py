@@ -60,15 +60,25 @@ class Workspace:
             "a project with `vast init FILE`."
         )
 
-    def document(self) -> Document:
-        """The checked .vast file; keys without effect are reported on stderr."""
+    def document(self, *, parse_scenario: bool = True) -> Document:
+        """Return the checked .vast file; keys without effect are reported on stderr.
+
+        Args:
+            parse_scenario: False if the caller parses the scenario itself.
+
+        Raises:
+            InputError: the file is missing, or it or its scenario is wrong.
+        """
         project = self.project  # its log level holds for what follows
         del project
         path = self.path
         with working(f"Reading {path.name}"):
+            from robovast.execution.local.scenario_syntax import check_syntax
             from robovast.model.document import load_document
 
             document = load_document(path)
+            if parse_scenario:
+                check_syntax(document.scenario)
         for warning in document.warnings:
             tell(f"warning: {warning}")
         return document

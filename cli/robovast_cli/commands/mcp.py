@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from robovast.base.errors import CannotRunError, InputError
+from robovast.base.errors import InputError
+from robovast.base.optional_deps import MCP
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
 from robovast_cli.ui.output import say
@@ -46,12 +47,8 @@ def mcp(
     """
     from robovast.model.naming import holds_campaign
 
-    try:
+    with MCP.needed_by("The MCP server"):
         from robovast.mcp.serving import serve_http, serve_stdio
-    except ModuleNotFoundError as error:
-        raise CannotRunError(
-            f"The server needs {error.name}; install the extra: pip install 'robovast[mcp]'."
-        ) from None
     folder = (results_dir or ctx.obj.results).resolve()
     root = folder.parent if holds_campaign(folder) else folder
     if transport == "stdio":

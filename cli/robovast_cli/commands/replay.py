@@ -91,9 +91,9 @@ def brought_here(run: Path, out: Path, context: str | None, namespace: str | Non
                 "cluster: remove them. `--times` sets how often `vast replay` runs it."
             )
         return run
-    from robovast_cli.kube.extra import cluster_extra
+    from robovast.base.optional_deps import CLUSTER
 
-    with cluster_extra():
+    with CLUSTER.needed_by("Access to a cluster"):
         from robovast_cli.commands.results.downloading import download_run
 
     return download_run(context, namespace, str(run), out / "originals")

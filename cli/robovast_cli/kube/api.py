@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from robovast.base.errors import CannotRunError, RobovastError
+from robovast.base.optional_deps import CLUSTER
 from robovast.kubeapi.resources import API_VERSION
 from robovast_cli.kube.api_errors import NotFoundError, NotInstalledError, refusal, unreachable
-from robovast_cli.kube.extra import cluster_extra
 from robovast_cli.kube.kubeconfig import choose, files, login_program, options_of
 from robovast_cli.kube.port_forward import PortForward
 
@@ -294,7 +294,7 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         CannotRunError: the context is missing, or its login fails.
         InputError: the kubeconfig cannot be read.
     """
-    with cluster_extra():
+    with CLUSTER.needed_by("Access to a cluster"):
         from anyio.from_thread import start_blocking_portal
         from kubernetes.aio.client import ApiClient, Configuration
     given = options_of([context], namespace)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError
+from robovast.base.optional_deps import CLUSTER
 from robovast.base.ranges import ids, merge, parse_ranges
 from robovast.base.yaml_files import parse_yaml
 from robovast.kubeapi.names import child_name
@@ -21,7 +22,6 @@ from robovast.model.document import load_document
 from robovast.model.packs import CampaignPlan, PlanSpec
 from robovast.model.variations.loader import all_pure
 from robovast_cli.kube.api import Json, Kubernetes
-from robovast_cli.kube.extra import cluster_extra
 from robovast_cli.kube.status import CampaignState
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def _expanded(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list
 
 def _composed(plan: CampaignPlan, store: ObjectStore, folder: Path) -> list[str]:
     """Names of the variants that the compose Job has stored."""
-    with cluster_extra():
+    with CLUSTER.needed_by("Access to a cluster"):
         from robovast.agent.campaign import Campaign, open_composed
         from robovast.agent.mounts import Folders
 

@@ -12,9 +12,9 @@ from urllib.parse import urlsplit
 
 from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import CannotRunError, StorageError
+from robovast.base.optional_deps import CLUSTER
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast_cli.kube.api import Json, Kubernetes
-from robovast_cli.kube.extra import cluster_extra
 from robovast_cli.kube.given_store import ACCESS_KEY, CONNECTIONS, ENDPOINT, SECRET_KEY
 from robovast_cli.kube.status import CampaignState
 
@@ -66,7 +66,7 @@ def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
         CannotRunError: there are no keys, or no pod serves the Service.
         StorageError: the endpoint is unknown.
     """
-    with cluster_extra():
+    with CLUSTER.needed_by("Access to a cluster"):
         from robovast.storage.endpoint import Credentials, Endpoint
         from robovast.storage.s3 import ObjectStore
     credentials = Credentials(*_keys(kube, place.secret))

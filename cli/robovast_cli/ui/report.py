@@ -13,6 +13,7 @@ import typer
 
 from robovast.base.errors import DocumentError, ExitCode, RobovastError
 from robovast.base.file_errors import is_refusal, sentence
+from robovast.base.optional_deps import missing_extra
 from robovast.base.printable import printable
 
 BROKEN_PIPE = 141
@@ -43,6 +44,9 @@ def errors_reported() -> Iterator[None]:
         raise
     except Exception as error:
         _show_traceback()
+        if lacking := missing_extra(error):
+            tell(message_of(lacking))
+            raise typer.Exit(lacking.exit_code) from None
         if isinstance(error, OSError) and is_refusal(error):
             silence_stdout()  # what it holds would fail once more, if that is what has failed
             tell(f"error: {sentence(error)}")

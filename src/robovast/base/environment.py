@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from robovast.base.errors import CannotRunError, InputError
+from robovast.base.errors import InputError
+from robovast.base.optional_deps import SHARE
 
 DOTENV = ".env"
 
@@ -42,12 +43,8 @@ def _dotenv(folder: Path) -> dict[str, str]:
     path = next((p / DOTENV for p in (folder, *folder.parents) if (p / DOTENV).is_file()), None)
     if path is None:
         return {}
-    try:
+    with SHARE.needed_by(f"Reading {path}"):
         from dotenv import dotenv_values
-    except ImportError:
-        raise CannotRunError(
-            f"reading {path} needs the package python-dotenv: install `robovast[share]`."
-        ) from None
     try:
         return {key: value for key, value in dotenv_values(path).items() if value is not None}
     except (OSError, ValueError) as error:

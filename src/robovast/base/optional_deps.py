@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 
@@ -29,36 +29,64 @@ class Extra:
         """
         for package in self.packages:
             if find_spec(package) is None:
-                raise _missing(self.name, package, what)
+                raise self.missing(package, what)
+
+    @contextlib.contextmanager
+    def needed_by(self, what: str) -> Iterator[None]:
+        """Wrap imports from the extra; a missing package becomes an error that names the extra.
+
+        Args:
+            what: the feature that needs it, as the beginning of a sentence.
+
+        Raises:
+            CannotRunError: a package of the extra is not installed.
+        """
+        try:
+            yield
+        except ModuleNotFoundError as error:
+            package = _package(error)
+            if package not in self.packages:
+                raise
+            raise self.missing(package, what) from None
+
+    def missing(self, package: str, what: str) -> CannotRunError:
+        """Return the error about a package of the extra that is not installed."""
+        return CannotRunError(
+            f"{what} needs the extra `{self.name}` ({package} is not installed): "
+            f"pip install 'robovast[{self.name}]'."
+        )
 
 
+ANALYSIS = Extra("analysis", ("matplotlib", "pandas"))
+CLUSTER = Extra("cluster", ("anyio", "certifi", "dotenv", "kubernetes", "minio", "urllib3"))
+GUI = Extra("gui", ("starlette", "uvicorn"))
+MCP = Extra("mcp", ("anyio", "fastmcp"))
+NAV = Extra("nav", ("manifold3d", "numpy", "PIL", "scipy", "shapely", "textx"))
+NOTEBOOKS = Extra("notebooks", ("ipykernel", "jupyter_client", "nbclient", "nbconvert", "nbformat"))
+OPERATOR = Extra("operator", ("aiohttp", "kopf", "kubernetes", "prometheus_client"))
+OPTUNA = Extra("optuna", ("cmaes", "numpy", "optuna"))
+QUERY = Extra("query", ("duckdb", "fsspec", "pyoxigraph"))
+RERUN = Extra("rerun", ("rerun_cli",))
 ROS = Extra("ros", ("lz4", "mcap", "numpy", "orjson", "rosbags", "zstandard"))
+SEARCH = Extra("search", ("numpy", "scipy"))
+SHARE = Extra("share", ("certifi", "cryptography", "dotenv", "paramiko", "urllib3"))
 VIDEO = Extra("video", ("av",))
 
-
-@contextlib.contextmanager
-def needing(extra: str, packages: Collection[str], what: str) -> Iterator[None]:
-    """Wrap imports from an extra; a missing package becomes an error that names the extra.
-
-    Args:
-        extra: name of the extra.
-        packages: the extra's packages by import name.
-        what: the feature that needs it, as the beginning of a sentence.
-
-    Raises:
-        CannotRunError: a package of the extra is not installed.
-    """
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        package = (error.name or "").partition(".")[0]
-        if package not in packages:
-            raise
-        raise _missing(extra, package, what) from None
+EXTRAS = (
+    *(SHARE, CLUSTER, NAV, ROS, SEARCH, OPTUNA, QUERY),
+    *(GUI, NOTEBOOKS, MCP, ANALYSIS, VIDEO, RERUN, OPERATOR),
+)
+"""All extras; of those that share a package, the first is named if the feature is unknown."""
 
 
-def _missing(extra: str, package: str, what: str) -> CannotRunError:
-    return CannotRunError(
-        f"{what} needs the extra `{extra}` ({package} is not installed): "
-        f"pip install 'robovast[{extra}]'."
-    )
+def missing_extra(error: BaseException, what: str = "This feature") -> CannotRunError | None:
+    """Return the error for users if an import failed because an extra is missing, else None."""
+    if not isinstance(error, ModuleNotFoundError):
+        return None
+    package = _package(error)
+    extra = next((extra for extra in EXTRAS if package in extra.packages), None)
+    return extra.missing(package, what) if extra is not None else None
+
+
+def _package(error: ModuleNotFoundError) -> str:
+    return (error.name or "").partition(".")[0]

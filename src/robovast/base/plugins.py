@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import CannotRunError, InputError, RobovastError
+from robovast.base.optional_deps import missing_extra
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -172,6 +173,8 @@ def _load_file(path: Path) -> Any:
 
 def _failure(what: str, error: BaseException) -> RobovastError:
     """The error about a plugin whose code raises one while it is loaded."""
+    if lacking := missing_extra(error, what):
+        return lacking
     if isinstance(error, ModuleNotFoundError):
         return CannotRunError(f"{what}: the package `{error.name}` is not installed here.")
     if isinstance(error, RobovastError):

@@ -103,9 +103,9 @@ def draw_ending(results: Path, campaign: str, variant: VariantRuns, run: int) ->
 
 
 def _marks(results: Path, campaign: str, variant: VariantRuns, driven: Way | None) -> list[Mark]:
-    from robovast.navigation.extra import nav_extra
+    from robovast.base.optional_deps import NAV
 
-    with nav_extra("The picture of a configuration"):
+    with NAV.needed_by("The picture of a configuration"):
         from robovast.navigation.picture import Disc, Line
     place = f"{campaign}/{variant.name}"
     bad = [run for run in variant.runs if run.verdict in (Verdict.FAILED, Verdict.ERRORED)]

@@ -42,9 +42,9 @@ def draw_map(results: Path, campaign: str, variant: str, more: Sequence[Mark] = 
         InputError: it has no map, or its records cannot be drawn.
         CannotRunError: the extra `nav` is missing.
     """
-    from robovast.navigation.extra import nav_extra
+    from robovast.base.optional_deps import NAV
 
-    with nav_extra("The picture of a configuration"):
+    with NAV.needed_by("The picture of a configuration"):
         from robovast.navigation.picture import marks, to_svg
     entry = entries(results, campaign, [variant]).get(variant, {})
     record = mapping(entry.get(RECORD))
@@ -109,9 +109,9 @@ def decode_map(files: MapFiles, name: str) -> OccupancyMap:
         InputError: it cannot be read.
         CannotRunError: the extra `nav` is missing.
     """
-    from robovast.navigation.extra import nav_extra
+    from robovast.base.optional_deps import NAV
 
-    with nav_extra("The map of a configuration"):
+    with NAV.needed_by("The map of a configuration"):
         from robovast.navigation.occupancy import read_map
     with TemporaryDirectory(prefix="robovast-") as folder, _drawable(name):
         return read_map(_write_map(files, Path(folder)))

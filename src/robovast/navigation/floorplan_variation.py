@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from robovast.base.errors import DocumentError, InputError
+from robovast.base.optional_deps import NAV
 from robovast.model.naming import CONFIG, TRANSIENT
 from robovast.model.variation_config import get_validated_config
 from robovast.model.variations import ProvContribution
 from robovast.navigation.base import Config, NavigationConfig, NavigationVariation, with_record
-from robovast.navigation.extra import nav_extra
 
 if TYPE_CHECKING:
     from robovast.navigation.floorplan.artefacts import Artefacts
@@ -83,7 +83,7 @@ class _FloorplanVariation(NavigationVariation):
 
     def variation(self, in_configs: list[Config]) -> list[Config]:
         """Each configuration with each floor plan: plans by name, drawn ones in drawing order."""
-        with nav_extra(type(self).__name__):
+        with NAV.needed_by(type(self).__name__):
             try:
                 made = list(self._made())
             except DocumentError as error:

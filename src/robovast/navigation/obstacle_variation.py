@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from robovast.base.optional_deps import NAV
 from robovast.model.variations import Factor
 from robovast.navigation.base import (
     RECORD,
@@ -22,7 +23,6 @@ from robovast.navigation.base import (
     as_list,
     with_record,
 )
-from robovast.navigation.extra import nav_extra
 from robovast.navigation.poses import Pose, length_of, position, read_pose
 from robovast.navigation.sizes import radius_of
 
@@ -109,7 +109,7 @@ class ObstacleVariation(NavigationVariation):
     def variation(self, in_configs: list[Config]) -> list[Config]:
         """Each configuration with each placement of obstacles."""
         made = []
-        with nav_extra(type(self).__name__):
+        with NAV.needed_by(type(self).__name__):
             from robovast.navigation.paths import NoPathError
             from robovast.navigation.placing import PlacingError
 

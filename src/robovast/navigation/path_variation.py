@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field, model_validator
 
+from robovast.base.optional_deps import NAV
 from robovast.model.variation_config import get_validated_config
 from robovast.model.variations import Factor
 from robovast.navigation.base import (
@@ -19,7 +20,6 @@ from robovast.navigation.base import (
     as_list,
     with_record,
 )
-from robovast.navigation.extra import nav_extra
 from robovast.navigation.poses import Pose, read_pose
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class PathVariationRasterizedConfig(_PathConfig):
 class _PathVariation(NavigationVariation):
     def variation(self, in_configs: list[Config]) -> list[Config]:
         """Each configuration with each path."""
-        with nav_extra(type(self).__name__):
+        with NAV.needed_by(type(self).__name__):
             from robovast.navigation.paths import NoPathError
         made = []
         for config in in_configs:

@@ -7,9 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-
-from robovast_cli.lazy import LazyCommand
-from robovast_cli.main import command
+from support.command_tree import commands
 
 OF_THE_ORIGINAL = {
     "-c": {"--cluster-config": {"exec cluster cleanup"}},
@@ -32,21 +30,6 @@ OF_THE_ORIGINAL = {
 """Second meanings that commands of the original RoboVAST have: its scripts must keep working."""
 
 
-def commands(real: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every command of the tree, by the words that call it."""
-    real = real.load() if isinstance(real, LazyCommand) else real
-    yield path, real
-    for name, child in getattr(real, "commands", {}).items():
-        if not child.hidden:
-            yield from commands(child, f"{path} {name}".strip())
-
-
-def tree() -> Iterator[tuple[str, Any]]:
-    root = command()
-    root.plugins = {}  # those of this machine
-    return commands(root)
-
-
 def letters(real: Any) -> Iterator[tuple[str, str]]:
     for param in real.params:
         for name in (*param.opts, *param.secondary_opts):
@@ -55,7 +38,7 @@ def letters(real: Any) -> Iterator[tuple[str, str]]:
 
 
 def test_within_a_command_no_option_has_two_meanings() -> None:
-    for path, real in tree():
+    for path, real in commands():
         names = [name for param in real.params for name in (*param.opts, *param.secondary_opts)]
         names += real.context_settings.get("help_option_names", [])
         assert sorted(names) == sorted(set(names)), path
@@ -63,7 +46,7 @@ def test_within_a_command_no_option_has_two_meanings() -> None:
 
 def test_across_commands_each_letter_has_one_meaning() -> None:
     meanings: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
-    for path, real in tree():
+    for path, real in commands():
         for letter, long in letters(real):
             meanings[letter][long].add(path)
     for letter, exceptions in OF_THE_ORIGINAL.items():

@@ -102,7 +102,7 @@ def test_uploading_can_be_skipped(vast, results: Path) -> None:
 
 def test_another_file_can_say_what_to_publish(vast, results: Path, tmp_path: Path) -> None:
     (tmp_path / "mine.vast").write_text("results_processing: {publication: [zip]}\n")
-    outcome = vast("results", "publish", "--skip-postprocessing", "-o", "mine.vast")
+    outcome = vast("results", "publish", "--skip-postprocessing", "--override", "mine.vast")
     assert outcome.out.startswith(f"zip: {NAME}.zip: ")
 
 

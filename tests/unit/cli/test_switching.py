@@ -72,7 +72,7 @@ def test_the_image_of_the_environment_counts_on_the_cluster(
     assert image() is None
     monkeypatch.setenv("ROBOVAST_IMAGE", "registry/robot:2")
     assert image() == "registry/robot:2"
-    assert image("-i", "registry/robot:3") == "registry/robot:3"
+    assert image("--image", "registry/robot:3") == "registry/robot:3"
     assert vast("exec", "cluster", "prepare-run", "run").code == 0
     assert "image: registry/robot:2" in Path("run/campaign.yaml").read_text()
 

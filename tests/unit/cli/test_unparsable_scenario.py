@@ -1,4 +1,4 @@
-"""`vast config list` and `check` parse the scenario where scenario-execution is installed."""
+"""Each command that reads a .vast file parses its scenario if scenario-execution is installed."""
 
 from __future__ import annotations
 
@@ -32,13 +32,21 @@ def _parser_says(environment: Path, text: str) -> None:
     python.chmod(0o755)
 
 
-@pytest.mark.parametrize("command", ["list", "check"])
-def test_a_mistake_is_told(folder: Path, vast: Vast, command: str) -> None:
+@pytest.mark.parametrize(
+    "command",
+    [
+        *("config list", "config check", "config info", "config generate out"),
+        *("exec local run out", "exec local run --start-only out", "exec local prepare-run out"),
+        *("exec cluster run", "exec cluster run --dry-run", "exec cluster prepare-run out"),
+    ],
+)
+def test_a_mistake_is_reported(folder: Path, vast: Vast, command: str) -> None:
     _parser_says(folder, """echo '{"line": 2, "column": 13, "found": "\\\\n"}'""")
-    result = vast("-V", "a.vast", "config", command)
+    result = vast("-V", "a.vast", *command.split())
     assert result.code == ExitCode.BAD_INPUT
     assert "a.osc:2:13: the scenario cannot be parsed: the line ends too early" in result.err
     assert "The line is: `x: int =`" in result.err
+    assert not Path("out").exists()
 
 
 @pytest.mark.parametrize("answer", ["echo null", "exit 1", "echo Segmentation fault"])

@@ -35,12 +35,9 @@ def list_(
     ] = False,
 ) -> None:
     """List the configurations that will be run."""
-    from robovast.execution.local.scenario_syntax import check_syntax
     from robovast_cli.ui.listing import print_configurations
 
-    document = ctx.obj.document()
-    check_syntax(document.scenario)
-    print_configurations(document, output, internal=debug)
+    print_configurations(ctx.obj.document(), output, internal=debug)
 
 
 @app.command(hidden=True)
@@ -119,7 +116,7 @@ def check(ctx: typer.Context) -> None:
     """Check the .vast file, and say what of it has no effect."""
     from robovast_cli.commands.config.info import print_check
 
-    print_check(ctx.obj.document())
+    print_check(ctx.obj.document(parse_scenario=False))
 
 
 @app.command()

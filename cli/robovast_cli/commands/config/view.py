@@ -9,11 +9,11 @@ import typer
 
 from robovast.base.errors import InputError
 from robovast.base.file_errors import refuse_obstacle, writing
+from robovast.base.optional_deps import NAV
 from robovast.model.document import Document
 from robovast.model.expansion import Selection, Variant, select_any
 from robovast.model.naming import CONFIG_MOUNT
 from robovast.navigation.base import RECORD
-from robovast.navigation.extra import nav_extra
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
@@ -61,7 +61,7 @@ def _record(variant: Variant) -> dict[str, Any]:
 
 
 def _picture(document: Document, variant: Variant, kind: Format) -> bytes:
-    with nav_extra("`vast config view`"):
+    with NAV.needed_by("`vast config view`"):
         from robovast.navigation.occupancy import read_map
         from robovast.navigation.picture import marks, to_png, to_svg
     record = _record(variant)

@@ -10,7 +10,8 @@ from urllib.parse import quote
 
 import typer
 
-from robovast.base.errors import CannotRunError, ExitCode, InputError
+from robovast.base.errors import ExitCode, InputError
+from robovast.base.optional_deps import GUI
 from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import new_app
@@ -158,12 +159,8 @@ def serving() -> "Callable[..., None]":
     Raises:
         CannotRunError: the extra `gui` is missing.
     """
-    try:
+    with GUI.needed_by("The web UI"):
         from robovast.evaluation.server.serve import serve
-    except ModuleNotFoundError as error:
-        raise CannotRunError(
-            f"The page needs {error.name}; install the extra: pip install 'robovast[gui]'."
-        ) from None
     return serve
 
 

@@ -59,11 +59,11 @@ def notebook(
     opened with JupyterLab or Jupyter Notebook, whichever is installed. Nothing is executed before
     you do so.
     """
+    from robovast.base.optional_deps import NOTEBOOKS
     from robovast.evaluation.notebooks.data_dir import read_notebook
-    from robovast.evaluation.notebooks.runner import require_extra
     from robovast.evaluation.notebooks.workloads import find_notebook, target_of
 
-    require_extra()
+    NOTEBOOKS.require("A notebook")
     target = target_of(path, batch)
     original = find_notebook(target, workload, override).file()
     parts = [] if batch is None else [f"batch-{batch}"]

@@ -95,10 +95,10 @@ def opened(
         CannotRunError: the extra `cluster` is not installed, or the cluster cannot be reached.
         StorageError: the S3 server cannot be read.
     """
-    from robovast_cli.kube.extra import cluster_extra
+    from robovast.base.optional_deps import CLUSTER
     from robovast_cli.kube.given_store import given_store
 
-    with cluster_extra():
+    with CLUSTER.needed_by("Access to a cluster"):
         store = None if context or namespace else given_store()
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(TemporaryDirectory(prefix="robovast-bucket-")))
@@ -129,9 +129,9 @@ def _by_cluster(
     scratch: Path,
     stack: ExitStack,
 ) -> list[InBucket]:
-    from robovast_cli.kube.extra import cluster_extra
+    from robovast.base.optional_deps import CLUSTER
 
-    with cluster_extra():
+    with CLUSTER.needed_by("Access to a cluster"):
         from robovast.storage.bucket_ownership import is_owned
         from robovast_cli.commands.results.downloading import named_results
         from robovast_cli.kube.api import connect

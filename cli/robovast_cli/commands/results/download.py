@@ -75,9 +75,9 @@ def download(
         download_shared(names, output, force=force, keep_archive=keep_archive)
         return
     from robovast.base.errors import CannotRunError
-    from robovast_cli.kube.extra import cluster_extra
+    from robovast.base.optional_deps import CLUSTER
 
-    with cluster_extra():
+    with CLUSTER.needed_by("Access to a cluster"):
         from robovast_cli.commands.results.downloading import download_campaigns
         from robovast_cli.commands.results.parts import download_parts
 

@@ -105,9 +105,9 @@ def _draw(
 ) -> None:
     """Write a picture of the map over dimensions, or of the progress."""
     from robovast.base.atomic import write_report
-    from robovast.base.optional_deps import needing
+    from robovast.base.optional_deps import ANALYSIS
 
-    with needing("analysis", ("matplotlib",), "Drawing"):
+    with ANALYSIS.needed_by("Drawing"):
         from robovast.search.pictures import draw_map, draw_progress, encoded
     figure = draw_progress(stored) if over is None else draw_map(stored, over, fixed)
     write_report(picture, encoded(figure, picture))

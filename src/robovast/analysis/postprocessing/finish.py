@@ -12,6 +12,7 @@ from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Ob
 from robovast.analysis.postprocessing.state import State, Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.base.errors import RobovastError
+from robovast.base.optional_deps import QUERY
 from robovast.base.version import __version__
 from robovast.campaign.layout import COLUMNAR_TABLES, SQLITE_TABLES, Layout
 from robovast.model.naming import CAMPAIGN_STORE, GRAPH, METADATA
@@ -50,7 +51,7 @@ def finish(
         summary: collects failures.
     """
     if find_spec("duckdb") is None and summary.worked and not options.skip_tables:
-        observer.message("No tables.duckdb is written: `pip install 'robovast[query]'`.")
+        observer.message(str(QUERY.missing("duckdb", "The file `tables.duckdb`")))
     versions = {path: _version(unit) for path, unit in units.items() if path != WHOLE}
     config = Layout(survey.campaign).config
     documents = digests(config, (path.name for path in config.glob("*.vast")))

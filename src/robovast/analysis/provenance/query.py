@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from robovast.analysis.provenance.vocabulary import PREFIXES
-from robovast.base.errors import CannotRunError, InputError
+from robovast.base.errors import InputError
+from robovast.base.optional_deps import QUERY
 from robovast.model.naming import GRAPH
 
 _log = logging.getLogger(__name__)
@@ -160,13 +161,8 @@ _CAMPAIGNS = "SELECT ?campaign WHERE { ?campaign a robovast:Campaign }"
 
 
 def _import_engine() -> Any:
-    try:
+    with QUERY.needed_by("SPARQL"):
         import pyoxigraph
-    except ImportError:
-        raise CannotRunError(
-            "SPARQL queries need the extra `query`: install `robovast[query]`. The graph can also "
-            f"be loaded with rdflib: `Graph().parse('{GRAPH}')`."
-        ) from None
     return pyoxigraph
 
 

@@ -11,7 +11,8 @@ from robovast.analysis.publication.context import PublicationContext, context_of
 from robovast.analysis.publication.selection import files_of
 from robovast.base.backoff import REPEATABLE
 from robovast.base.environment import environment
-from robovast.base.errors import CannotRunError, InputError
+from robovast.base.errors import InputError
+from robovast.base.optional_deps import CLUSTER
 
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
@@ -116,13 +117,9 @@ def _send(
 
 
 def _store(endpoint: str, region: str | None) -> ObjectStore:
-    try:
+    with CLUSTER.needed_by("S3"):
         from robovast.storage.endpoint import Credentials, Endpoint
         from robovast.storage.s3 import ObjectStore
-    except ImportError as error:
-        raise CannotRunError(
-            f"S3 needs the package {error.name}: install `robovast[cluster]`."
-        ) from None
     variables = environment()
     found = ([variables.get(name) for name in names] for names in _KEYS)
     access, secret = next((keys for keys in found if all(keys)), (None, None))

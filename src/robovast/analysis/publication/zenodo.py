@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from robovast.analysis.publication.context import Campaign, PublicationContext
 from robovast.base.atomic import write_atomically
 from robovast.base.environment import environment
-from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.errors import InputError, StorageError
+from robovast.base.optional_deps import SHARE
 
 if TYPE_CHECKING:
     from robovast.analysis.publication.zenodo_api import Deposit, ZenodoApi
@@ -163,12 +164,8 @@ class _Upload:
 
 
 def _api(*, sandbox: bool) -> tuple[str, ZenodoApi]:
-    try:
+    with SHARE.needed_by("Zenodo"):
         from robovast.analysis.publication.zenodo_api import ZenodoApi
-    except ImportError as error:
-        raise CannotRunError(
-            f"Zenodo needs the package {error.name}: install `robovast[share]`."
-        ) from None
     variables = environment()
     address = variables.get(ADDRESS) or (_SANDBOX if sandbox else _SERVER)
     name = SANDBOX_TOKEN if sandbox else TOKEN

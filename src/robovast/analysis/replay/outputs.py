@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO, TextIO
 
 from robovast.analysis.provenance.reading import list_files
-from robovast.base.optional_deps import ROS, needing
+from robovast.base.optional_deps import ROS
 from robovast.base.safe_paths import MOST, open_file, read_text, refuse_holes
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.layout import OWN_NAMES, POSTPROCESSING
@@ -200,7 +200,7 @@ def _first_message(before: Path, now: Path, topic: str) -> str | None:
 
 def _messages(path: Path, topic: str) -> list[bytes]:
     """Digests of the messages on a topic, in order."""
-    with needing(ROS.name, ROS.packages, "comparing the messages of bags"):
+    with ROS.needed_by("Comparing the messages of bags"):
         from robovast.analysis.bags.files import read_file
         from robovast.analysis.bags.source import Consumer, Topic
     found: list[bytes] = []

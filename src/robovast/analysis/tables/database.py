@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from robovast.analysis.tables.csv_files import KEYS
 from robovast.analysis.tables.staging import Types, literal, quoted
-from robovast.base.errors import CannotRunError
+from robovast.base.optional_deps import QUERY
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -27,13 +27,8 @@ def import_duckdb() -> ModuleType:
     Raises:
         CannotRunError: it is not installed.
     """
-    try:
+    with QUERY.needed_by("SQL over tables"):
         import duckdb
-    except ModuleNotFoundError:
-        raise CannotRunError(
-            "tables by column and `vast results query` need the extra `query`: "
-            "pip install 'robovast[query]'."
-        ) from None
     return duckdb
 
 

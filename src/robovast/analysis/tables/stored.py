@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
-from robovast.base.errors import CannotRunError, StorageError
+from robovast.base.errors import StorageError
+from robovast.base.optional_deps import QUERY
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -68,12 +69,8 @@ def reachable(
 
 def _file_system(stored: dict[str, StoredTables]) -> Any:
     """The files as DuckDB asks for them."""
-    try:
+    with QUERY.needed_by("SQL over tables in a bucket"):
         from fsspec import AbstractFileSystem
-    except ModuleNotFoundError:
-        raise CannotRunError(
-            "asking tables in a bucket needs the extra `query`: pip install 'robovast[query]'."
-        ) from None
 
     class Files(AbstractFileSystem):  # type: ignore[misc]  # it has no types
         protocol = _SCHEME

@@ -10,7 +10,6 @@ import subprocess
 import sys
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
@@ -19,6 +18,7 @@ from robovast.analysis.postprocessing.content import scan, signature
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.base.file_errors import reading
+from robovast.base.optional_deps import NOTEBOOKS
 from robovast.base.safe_paths import read_file
 from robovast.campaign.layout import POSTPROCESSING, RUNNING
 from robovast.evaluation.inside import open_inside, read_small
@@ -143,7 +143,7 @@ class Runner:
         Raises:
             CannotRunError: the extra is missing, or the runner was closed.
         """
-        require_extra()
+        NOTEBOOKS.require("A notebook")
         with self._lock:
             waiting = self._waiting.get(task.key)
             if waiting is not None:
@@ -224,15 +224,6 @@ class Runner:
             _remove_oldest(self._cache)
         except OSError as error:
             raise StorageError(f"{target} cannot be written: {error.strerror}.") from None
-
-
-def require_extra() -> None:
-    """Raise a CannotRunError if the extra is missing."""
-    for module in ("nbclient", "nbconvert", "ipykernel"):
-        if find_spec(module) is None:
-            raise CannotRunError(
-                f"Notebooks need {module}; install the extra: pip install 'robovast[notebooks]'."
-            )
 
 
 def _checked(key: str) -> str:

@@ -19,6 +19,7 @@ from starlette.routing import BaseRoute, Mount, Route
 from starlette.types import ASGIApp
 
 from robovast.base.errors import InputError, RobovastError
+from robovast.base.optional_deps import missing_extra
 from robovast.campaign.planned_runs import planned_runs
 from robovast.evaluation.about import about, changes
 from robovast.evaluation.bag_timeline import read_timeline
@@ -428,7 +429,9 @@ def _refuse_http(_: Request, cause: Exception) -> Response:
     return error("There is no such page.", status)
 
 
-def _own_fault(_: Request, cause: Exception) -> Response:
+def _own_fault(request: Request, cause: Exception) -> Response:
+    if lacking := missing_extra(cause):
+        return _refuse(request, lacking)
     name = type(cause).__name__
     where = "`vast -l debug evaluation gui` shows where"
     return error(f"This is a bug in RoboVAST ({name}: {cause}); {where}.", 500)

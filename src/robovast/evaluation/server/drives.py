@@ -70,9 +70,9 @@ class DrivePages:
 
     def maps(self, request: Request) -> Response:
         """Maps of some configurations, and where their runs ended."""
-        from robovast.navigation.extra import nav_extra
+        from robovast.base.optional_deps import NAV
 
-        with nav_extra("The map of a configuration"):
+        with NAV.needed_by("The map of a configuration"):
             from robovast.evaluation.drive.maps import configuration_maps
 
         self._library.require_all("The map of a configuration")
@@ -81,9 +81,9 @@ class DrivePages:
 
     def failures(self, request: Request) -> Response:
         """Where the runs of a campaign ended that did not pass, on their maps."""
-        from robovast.navigation.extra import nav_extra
+        from robovast.base.optional_deps import NAV
 
-        with nav_extra("A map of failures"):
+        with NAV.needed_by("A map of failures"):
             from robovast.evaluation.drive.maps import failure_places
 
         self._library.require_all("A map of failures")

@@ -16,6 +16,7 @@ from urllib.error import HTTPError, URLError
 from urllib.request import ProxyHandler, build_opener
 
 from robovast.base.errors import CannotRunError, InputError
+from robovast.base.optional_deps import RERUN
 
 RECORDING = "recording.rrd"
 _START = 20.0
@@ -97,9 +98,7 @@ def viewer(recording: Path, name: str, folder: Path) -> Iterator[Viewer]:
 def _program() -> str:
     found = find_spec("rerun_cli")
     if found is None or found.origin is None:
-        raise CannotRunError(
-            "Rerun is not installed. Install the extra: pip install 'robovast[rerun]' (790 MB)."
-        )
+        raise RERUN.missing("rerun_cli", "Showing a run in Rerun")
     return str(Path(found.origin).with_name("rerun"))
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from robovast.base.atomic import put_in_place
 from robovast.base.environment import dotenv_loaded
-from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
+from robovast.base.errors import InputError, RobovastError, StorageError
 from robovast.base.file_errors import writing
 from robovast.base.plugins import load_plugin, plugins_of, raised
 from robovast.campaign.importing import campaign_of_archive, import_archive
@@ -234,12 +234,7 @@ def load_provider(kind: str, folder: Path) -> BaseShareProvider:
         InputError: the provider is missing or invalid.
         CannotRunError: required packages are missing.
     """
-    try:
-        provider_class = load_plugin(kind, GROUP, folder)
-    except RobovastError as error:
-        if isinstance(error.__cause__, ImportError):
-            raise CannotRunError(f"{error} Built-in ones need `robovast[share]`.") from error
-        raise
+    provider_class = load_plugin(kind, GROUP, folder)
     if not (isinstance(provider_class, type) and issubclass(provider_class, BaseShareProvider)):
         raise InputError(f"the share provider `{kind}` is not a subclass of BaseShareProvider.")
     try:

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import IO, Any, ClassVar
 from urllib.parse import quote, urlencode, urlsplit
 
-from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.errors import InputError, StorageError
+from robovast.base.optional_deps import SHARE
 from robovast.storage.http_client import HttpClient
 from robovast.storage.http_download import download
 from robovast.storage.shares.base import BaseShareProvider, ProgressCallback
@@ -298,14 +299,10 @@ def _key() -> dict[str, Any] | None:
 
 def _assertion(key: Mapping[str, Any]) -> str:
     """The signed assertion for Google's token service (RFC 7523)."""
-    try:
+    with SHARE.needed_by("The share `gcs`"):
         from cryptography.hazmat.primitives import hashes, serialization
         from cryptography.hazmat.primitives.asymmetric.padding import PKCS1v15
         from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
-    except ImportError as error:
-        raise CannotRunError(
-            f"the share `gcs` needs the package {error.name}: install `robovast[share]`."
-        ) from None
     try:
         private = serialization.load_pem_private_key(str(key["private_key"]).encode(), None)
     except (ValueError, TypeError):

@@ -7,21 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.optional_deps import Extra
+from robovast.base.optional_deps import OPTUNA, SEARCH, Extra
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
 from robovast.model.document.problems import suggest
 
 STRATEGIES = "robovast.search_strategies"
 EXTRACTORS = "robovast.extractors"
 
-_NUMERIC = Extra("search", ("numpy", "scipy"))
-_OPTUNA = Extra("optuna", ("cmaes", "numpy", "optuna"))
-
 BUILT_IN: dict[str, dict[str, tuple[str, Extra | None]]] = {
     STRATEGIES: {
-        "boundary": ("robovast.search.strategies.boundary:BoundaryStrategy", _NUMERIC),
-        "optuna": ("robovast.search.strategies.optuna_samplers:OptunaStrategy", _OPTUNA),
-        "qd": ("robovast.search.strategies.quality_diversity:QualityDiversityStrategy", _NUMERIC),
+        "boundary": ("robovast.search.strategies.boundary:BoundaryStrategy", SEARCH),
+        "optuna": ("robovast.search.strategies.optuna_samplers:OptunaStrategy", OPTUNA),
+        "qd": ("robovast.search.strategies.quality_diversity:QualityDiversityStrategy", SEARCH),
         "random": ("robovast.search.strategies.random_sampling:RandomStrategy", None),
     },
     EXTRACTORS: {
