@@ -10,10 +10,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
-from robovast.base.safe_paths import read_text
-from robovast.campaign.layout import TEST_RESULT, Layout
+from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
-from robovast.campaign.verdict import MOST, Verdict
+from robovast.campaign.verdict import Verdict, read_report, seconds
 
 LONGEST = 20_000
 """Longest text of a case [characters]; the run's own report has all of it."""
@@ -122,11 +121,8 @@ def _cases(run: Path, record: RunRecord | None) -> list[Case]:
 def _own_cases(run: Path, name: str) -> list[Case]:
     """The cases of a run's own report; none if it cannot be read."""
     try:
-        text = read_text(run / TEST_RESULT, root=run.parent, most=MOST)
-        if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            return []
-        root = ET.fromstring(text)  # noqa: S314  # no entities, see above
-    except (OSError, ET.ParseError, ValueError):
+        root = read_report(run)
+    except (OSError, ValueError):
         return []
     return [_case(element, name) for element in root.iter() if _tag(element) == "testcase"]
 
@@ -135,20 +131,12 @@ def _case(element: ET.Element, run: str) -> Case:
     children = {_tag(child): child for child in element}
     outcome = next((kind for kind in _OUTCOMES if kind in children), None)
     name = f"{run}: {element.get('name') or 'test'}"
-    seconds = _seconds(element.get("time"))
+    duration = seconds(element.get("time"))
     if outcome is None:
-        return Case(name, seconds=seconds)
+        return Case(name, seconds=duration)
     said = children[outcome]
-    return Case(name, outcome, said.get("message", ""), said.text or "", seconds)
+    return Case(name, outcome, said.get("message", ""), said.text or "", duration)
 
 
 def _tag(element: ET.Element) -> str:
     return element.tag.rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
-
-
-def _seconds(text: str | None) -> float | None:
-    try:
-        seconds = float(text or "nan")
-    except ValueError:
-        return None
-    return seconds if 0 <= seconds < MOST else None

@@ -1,15 +1,22 @@
-"""The verdict in the test.xml (JUnit) that scenario-execution writes."""
+"""The verdict in a test.xml: a JUnit report of scenario-execution or of another test tool.
+
+The report is XML as `robovast.base.xml_files` supports it. The tables below list the elements,
+counters and states that are understood, in the dialects of pytest, GoogleTest, CTest, Catch2,
+behave, Surefire, Bazel, Playwright, Robot Framework, launch_testing, TestNG and Maestro. A report
+that contains others in their place has no verdict.
+"""
 
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ET  # entities are refused below
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
-from robovast.base.safe_paths import read_text
+from robovast.base.safe_paths import read_file
+from robovast.base.xml_files import UnsupportedXmlError, parse_xml
 from robovast.campaign.layout import TEST_RESULT
 
 
@@ -62,22 +69,36 @@ def read_test_result(run: Path, root: Path | None = None) -> TestResult:
         run: the folder.
         root: ancestor below which no link is followed; None means the folder itself.
     """
+    report = _Report()
     try:
-        text = read_text(run / TEST_RESULT, root=root or run.parent, most=MOST)
+        read_report(run, root, report)
     except FileNotFoundError:
         return TestResult(Verdict.ERRORED, f"the run wrote no {TEST_RESULT}")
     except OSError as error:
         return TestResult(Verdict.ERRORED, f"{TEST_RESULT} cannot be read: {error.strerror}")
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        return _no_report("it declares a document type or entities")
-    report = _Report()
-    parser = ET.XMLParser(target=report)  # noqa: S314  # no entities, see above
-    try:
-        parser.feed(text)
-        parser.close()
-    except (ET.ParseError, ValueError) as error:
+    except UnsupportedXmlError as error:
+        return _no_report(str(error))
+    except ValueError as error:
         return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is not valid: {error}")
     return report.result()
+
+
+def read_report(run: Path, root: Path | None = None, target: Any = None) -> Any:
+    """Parse the test.xml in a run's folder.
+
+    Args:
+        run: the folder.
+        root: ancestor below which no link is followed; None means the folder itself.
+        target: see `parse_xml`.
+
+    Returns:
+        As `parse_xml`: by default, the outermost element.
+
+    Raises:
+        OSError: the file is missing, is not a regular file, or has more than `MOST` bytes.
+        ValueError: as in `parse_xml`.
+    """
+    return parse_xml(read_file(run / TEST_RESULT, root or run.parent, MOST), target)
 
 
 def _no_report(why: str) -> TestResult:
@@ -91,18 +112,24 @@ _NOT_RUN = frozenset({"skipped", "disabled", "ignored"})
 """Child elements of a case that was not executed."""
 _BAD_COUNTS = ("failures", "errors", "flakes", "failed")
 _NOT_RUN_COUNTS = ("skipped", "disabled", "ignored", "notrun", "skips", "skip")
+_QUIET = frozenset(
+    {"properties", "property", "system-out", "system-err", "attachments", "annotations"}
+)
+"""Child elements of a case that do not change its outcome."""
 _STATES = {
     **dict.fromkeys(
         ("", "run", "completed", "passed", "pass", "success", "successful", "ok", "fixed"), "ran"
     ),
-    **dict.fromkeys(
-        ("notrun", "skipped", "skip", "disabled", "ignored", "suppressed", "pending"), "not run"
-    ),
+    **dict.fromkeys(("notrun", "skipped", "skip", "disabled", "ignored", "suppressed"), "not run"),
+    **dict.fromkeys(("pending", "untested", "untested_pending", "untested_undefined"), "not run"),
     **dict.fromkeys(
         ("fail", "failed", "failure", "error", "errored", "broken", "regression"), "bad"
     ),
+    **dict.fromkeys(("undefined", "hook_error", "cleanup_error"), "bad"),
 }
-"""Meaning of a case's `status` and `result`, as written by GoogleTest, CTest and others."""
+"""Meaning of `status` and `result`, as written by GoogleTest, CTest, behave and others."""
+_SKIPPED_BY_CTEST = ("SKIP_RETURN_CODE=", "SKIP_REGULAR_EXPRESSION_MATCHED", "Disabled")
+"""Beginnings of the reasons for which CTest does not count a test that did not run as failed."""
 
 _Attributes = list[tuple[str, str]]
 """Attributes by lower-case name; a name may occur several times, and each value counts."""
@@ -115,6 +142,12 @@ class _Suite:
     said: int = 0
     """Number of tests that the suite declares."""
     said_not_run: int = 0
+    skipped: bool = False
+    """Whether the suite declares that it did not run."""
+    catch2: bool = False
+    """Whether the suite has the mark of Catch2, whose counters count assertions."""
+    may_be_catch2: bool = False
+    """Whether the suite and all its cases look as Catch2 writes them, without the mark."""
     cases: int = 0
     not_run: int = 0
 
@@ -127,11 +160,15 @@ class _Report:
 
     def __init__(self) -> None:
         self._root = ""
+        self._bare = False
+        """Whether the outermost element has no attributes."""
+        self._open: list[str] = []
+        """Names of the open elements."""
         self._whole = _Suite()
         self._suites = [self._whole]
         """Open suites; the first is the report itself."""
         self._suite_count = self._bad = 0
-        self._case_not_run = False
+        self._case_not_run = self._not_started = False
         """Attributes of the open case."""
         self._doubt = ""
         """Why the report is not conclusive."""
@@ -147,37 +184,62 @@ class _Report:
         """Handle the start of an element."""
         name = _plain(tag)
         said = [(_plain(key), value) for key, value in attributes.items()]
-        self._root = self._root or name
+        if not self._root:
+            self._root, self._bare = name, not said
         if name in _SUITES:
             self._start_suite(name, said)
         elif name == "testcase":
             self._start_case(said)
         elif name in _NOT_RUN:
-            self._case_not_run = True
+            self._skip(dict(said).get("message", "").strip())
         elif name in _BAD:
             self._bad += 1
             self._text = []
             message = dict(said).get("message", "").strip()
             self._failures.setdefault(name, (message, self._text))
+        elif self._open[-1:] == ["testcase"] and name not in _QUIET:
+            self._doubt = f"a test case contains a `{name[:40]}`, which is not known"
         elif ("name", "start_time") in said and self._started_at is None:
-            self._started_at = _seconds(dict(said).get("value"))
+            self._started_at = seconds(dict(said).get("value"))
+        self._open.append(name)
 
     def _start_suite(self, name: str, said: _Attributes) -> None:
         self._suite_count += name == "testsuite"
-        self._bad += _count(said, *_BAD_COUNTS) + [*_states(said).values()].count("bad")
-        self._suites.append(_Suite(_count(said, "tests"), _count(said, *_NOT_RUN_COUNTS)))
-        duration = _seconds(dict(said).get("time"))
+        states = self._known_states("suite", said)
+        self._bad += _count(said, *_BAD_COUNTS) + states.count("bad")
+        suite = _Suite(_count(said, "tests"), _count(said, *_NOT_RUN_COUNTS), "not run" in states)
+        suite.catch2 = ("hostname", "tbd") in said
+        suite.may_be_catch2 = self._bare and self._root == "testsuites"
+        self._suites.append(suite)
+        duration = seconds(dict(said).get("time"))
         if duration is not None and len(self._suites) in self._durations:
             self._durations[len(self._suites)].append(duration)
 
     def _start_case(self, said: _Attributes) -> None:
-        self._case_not_run = False
-        self._suites[-1].cases += 1
-        for (key, text), state in _states(said).items():
-            self._bad += state == "bad"
-            self._case_not_run |= state == "not run"
-            if state is None:
-                self._doubt = f"a test case has the {key} `{text[:40]}`, which is not known"
+        suite = self._suites[-1]
+        suite.cases += 1
+        suite.may_be_catch2 &= [pair for pair in said if pair[0] in _STATE_KEYS] == _CATCH2_STATE
+        states = self._known_states("test case", said)
+        self._bad += states.count("bad")
+        self._case_not_run = "not run" in states
+        self._not_started = ("status", "notrun") in said
+
+    def _skip(self, why: str) -> None:
+        self._case_not_run = True
+        if self._not_started and not why.startswith(_SKIPPED_BY_CTEST):
+            self._doubt = f"a test case could not be run: {why[:80] or 'no reason is given'}"
+
+    def _known_states(self, what: str, said: _Attributes) -> list[str]:
+        """Meaning of each `status` and `result`; an unknown one makes the report inconclusive."""
+        found = []
+        for key, text in said:
+            if key in _STATE_KEYS:
+                state = _STATES.get(text.strip().lower())
+                if state is None:
+                    self._doubt = f"a {what} has the {key} `{text[:40]}`, which is not known"
+                else:
+                    found.append(state)
+        return found
 
     def data(self, text: str) -> None:
         """Handle text in an element."""
@@ -187,15 +249,20 @@ class _Report:
     def end(self, tag: str) -> None:
         """Handle the end of an element."""
         self._text = None
+        self._open.pop()
         name = _plain(tag)
         if name == "testcase":
             self._suites[-1].not_run += self._case_not_run
         elif name in _SUITES:
-            suite = self._suites.pop()
-            self._suites[-1].cases += suite.cases
-            self._suites[-1].not_run += max(suite.not_run, suite.said_not_run)
-            if suite.said > suite.cases:
-                self._doubt = f"a suite of {suite.said} tests has {suite.cases} of them"
+            self._end_suite(self._suites.pop())
+
+    def _end_suite(self, suite: _Suite) -> None:
+        catch2 = suite.cases > 0 and (suite.catch2 or suite.may_be_catch2)
+        not_run = suite.not_run if catch2 else max(suite.not_run, suite.said_not_run)
+        self._suites[-1].cases += suite.cases
+        self._suites[-1].not_run += suite.cases if suite.skipped else not_run
+        if suite.said > suite.cases and not catch2:
+            self._doubt = f"a suite of {suite.said} tests has {suite.cases} of them"
 
     def close(self) -> None:
         """Handle the end of the report."""
@@ -214,7 +281,7 @@ class _Report:
         elif self._whole.not_run >= self._whole.cases:
             why = "all of its test cases were skipped"
         if why:
-            return TestResult(Verdict.ERRORED, f"{TEST_RESULT} says nothing: {why}")
+            return TestResult(Verdict.ERRORED, f"{TEST_RESULT} is inconclusive: {why}")
         return TestResult(Verdict.PASSED, "", self._started_at, duration)
 
     def _failure(self) -> TestResult:
@@ -233,28 +300,36 @@ def _plain(name: str) -> str:
     return name.rpartition("}")[2].lower()
 
 
-def _states(said: _Attributes) -> dict[tuple[str, str], str | None]:
-    """Meaning of each `status` and `result`; None if it is unknown."""
-    found = (pair for pair in said if pair[0] in {"status", "result"})
-    return {pair: _STATES.get(pair[1].strip().lower()) for pair in found}
+_STATE_KEYS = ("status", "result")
+_CATCH2_STATE = [("status", "run")]
+_COUNT = re.compile(r"\s*([0-9]{0,18})(?:\.0*)?\s*")
 
 
 def _count(said: _Attributes, *names: str) -> int:
-    """Sum of all counters with these names."""
-    numbers = [(name, int(text or 0)) for name, text in said if name in names]
-    for name, number in numbers:
-        if number < 0:
-            raise ValueError(f"`{name}` is {number}")
-    return sum(number for _, number in numbers)
+    """Sum of all counters with these names; some tools write `1.0`."""
+    total = 0
+    for name, text in said:
+        if name in names:
+            number = _COUNT.fullmatch(text)
+            if number is None:
+                raise ValueError(f"`{name}` is {text[:40]}, which is not a count")
+            total += int(number[1] or 0)
+    return total
 
 
 _LATEST = float(1 << 33)
 """Largest plausible time or duration [s]; a calendar must hold the sum of two."""
 
 
-def _seconds(text: str | None) -> float | None:
+_GROUPED = re.compile(r"\s*[0-9]{1,3}(,[0-9]{3})+\.[0-9]+\s*")
+"""A number as Surefire and JUnit 5 write it. Without a point, the comma may be a decimal one."""
+
+
+def seconds(text: str | None) -> float | None:
+    """A duration or a time [s]; None if it is missing, implausible or ambiguous."""
+    text = text or "nan"
     try:
-        number = float(text or "nan")
+        number = float(text.replace(",", "") if _GROUPED.fullmatch(text) else text)
     except ValueError:
         return None
     return number if 0 <= number < _LATEST else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import xml.etree.ElementTree as ET  # the text was checked before
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -67,7 +66,7 @@ def _counts(path: Path, found: verdict.Verdict) -> dict[str, int]:
     kinds = {"tests": "testcase", "failures": "failure", "errors": "error"}
     if found is verdict.Verdict.ERRORED:
         return dict.fromkeys(kinds, 0)
-    root = ET.parse(path).getroot()  # noqa: S314  # judged already: no entities
+    root = verdict.read_report(path.parent)
     return {name: sum(1 for _ in root.iter(tag)) for name, tag in kinds.items()}
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ET  # entities are refused below
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.base.xml_files import parse_xml
 from robovast.campaign.layout import (
     JOB_LINK,
     JOBS,
@@ -176,11 +176,8 @@ def _sysinfo(results: Path, place: str, job: str | None) -> Mapping[str, Any]:
 def _failure(results: Path, place: str) -> str:
     """Text of all failures in test.xml."""
     try:
-        content = read_small(results, f"{place}/{TEST_RESULT}")
-        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-            return ""
-        suite = ET.fromstring(content)  # noqa: S314  # no entities, see above
-    except (InputError, ET.ParseError, ValueError):
+        suite = parse_xml(read_small(results, f"{place}/{TEST_RESULT}"))
+    except (InputError, ValueError):
         return ""  # the verdict's reason reports it
     found = [item for tag in ("failure", "error") for item in suite.iter(tag)]
     texts = [filter(None, (item.get("message"), item.text)) for item in found]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import warnings
-import xml.etree.ElementTree as ET  # `read_test_result` has accepted the text
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from robovast.base.safe_paths import open_file, read_file
 from robovast.base.yaml_files import parse_yaml, read_mapping
 from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, TEST_RESULT, VARIANT_RECORD
 from robovast.campaign.run_record import read_run_record
-from robovast.campaign.verdict import Verdict, read_test_result
+from robovast.campaign.verdict import Verdict, read_report, read_test_result
 from robovast.model.variations.factors import factor_values
 
 _SHORTEST_STEP = 1e-6
@@ -274,13 +273,13 @@ def get_run_status(run_dir: str | Path) -> tuple[str, str | None]:
     if verdict is Verdict.PASSED:
         return "passed", None
     if verdict is Verdict.FAILED:
-        return "failed", _failure_summary(run / TEST_RESULT)
+        return "failed", _failure_summary(run)
     return "unknown", None
 
 
-def _failure_summary(path: Path) -> str | None:
+def _failure_summary(run: Path) -> str | None:
     """The message of the behaviour that made a run fail, from the tree in its test.xml."""
-    root = ET.parse(path).getroot()  # noqa: S314  # judged already: no entities
+    root = read_report(run)
     found = next((e for kind in ("failure", "error") for e in root.iter(kind)), None)
     if found is None:
         return None

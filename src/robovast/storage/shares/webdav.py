@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import logging
 import os
-import xml.etree.ElementTree as ET  # entities are refused below
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import cached_property
@@ -18,6 +17,7 @@ from typing import IO, ClassVar, cast
 from urllib.parse import quote, unquote, urlsplit
 
 from robovast.base.errors import InputError, StorageError
+from robovast.base.xml_files import parse_xml
 from robovast.storage.http_client import HttpClient, HttpError
 from robovast.storage.http_download import download
 from robovast.storage.shares.base import (
@@ -220,7 +220,7 @@ class WebDavShareProvider(BaseShareProvider):
         )
         try:
             return dict(_files(answer.data))
-        except (ET.ParseError, ValueError) as error:
+        except ValueError as error:
             raise StorageError(
                 f"{self._client.name}: does not answer as a WebDAV server does ({error}). Is the "
                 "address right?"
@@ -228,9 +228,7 @@ class WebDavShareProvider(BaseShareProvider):
 
 
 def _files(content: bytes) -> Iterator[tuple[str, int]]:
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise ValueError("it declares entities")
-    for response in ET.fromstring(content).iter("{DAV:}response"):  # noqa: S314
+    for response in parse_xml(content).iter("{DAV:}response"):
         href = response.findtext("{DAV:}href", "")
         if response.find(".//{DAV:}resourcetype/{DAV:}collection") is None:
             size = response.findtext(".//{DAV:}getcontentlength") or "0"

@@ -1,0 +1,135 @@
+"""Reports of other test tools have the verdict that the tool means, or none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robovast.campaign.verdict import Verdict, read_test_result
+
+CASES = Path(__file__).parents[2] / "data/cases/junit"
+RIGHT = [line.split("\t")[:2] for line in (CASES / "RIGHT.tsv").read_text("utf-8").splitlines()]
+FURTHER = [line.split("\t") for line in (CASES / "further.tsv").read_text().splitlines()]
+NOT_DEFINED = {"ansi-raw-pass", "status-int"}
+
+
+@pytest.mark.parametrize(("name", "verdict"), RIGHT)
+def test_the_report_of_a_tool_has_its_verdict(name: str, verdict: str) -> None:
+    result = read_test_result(CASES / name / "0")
+    assert result.verdict == (Verdict.ERRORED if name in NOT_DEFINED else verdict)
+    assert bool(result.reason) == (result.verdict is not Verdict.PASSED)
+
+
+def result_of(folder: Path, text: str):
+    (folder / "test.xml").write_text(text)
+    return read_test_result(folder)
+
+
+CATCH2_RUN = (
+    '<testsuites><testsuite name="arm" errors="0" failures="0" skipped="1" tests="{}">{}'
+    "</testsuite></testsuites>"
+)
+CASE = '<testcase classname="g" name="a" time="0" status="run">{}</testcase>'
+
+
+@given(
+    cases=st.integers(1, 5),
+    skipped=st.integers(0, 5),
+    assertions=st.integers(0, 500),
+    mark=st.sampled_from(["", 'hostname="tbd" ']),
+)
+def test_catch2_counts_assertions(tmp_path_factory, cases, skipped, assertions, mark) -> None:
+    found = CASE.format("") * cases + CASE.format('<skipped message="no arm"/>') * skipped
+    text = CATCH2_RUN.format(assertions, found).replace("name=", mark + "name=", 1)
+    result = result_of(tmp_path_factory.mktemp("c"), text)
+    assert result.verdict is Verdict.PASSED, result.reason
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        # Catch2: every test was skipped; no test; another tool's suite lacks two of its tests
+        (
+            CATCH2_RUN.format(1, CASE.format("<skipped/>")),
+            "all of its test cases were skipped",
+        ),
+        (
+            CATCH2_RUN.format(4, ""),
+            "it has no test case",
+        ),
+        (
+            '<testsuites id="x"><testsuite tests="3"><testcase status="run"/></testsuite>'
+            "</testsuites>",
+            "a suite of 3 tests has 1 of them",
+        ),
+        (
+            '<testsuites><testsuite tests="3"><testcase status="run" result="completed"/>'
+            "</testsuite></testsuites>",
+            "a suite of 3 tests has 1 of them",
+        ),
+        (
+            '<testsuites><testsuite tests="3"><testcase/></testsuite></testsuites>',
+            "a suite of 3 tests has 1 of them",
+        ),
+        # CTest counts a test that it could not start as failed
+        (
+            '<testsuite tests="2"><testcase status="run"/><testcase status="notrun">'
+            '<skipped message="Unable to find executable"/></testcase></testsuite>',
+            "a test case could not be run: Unable to find executable",
+        ),
+        # behave: a dry run, and a state of a later version
+        ('<testsuite><testcase status="untested"/></testsuite>', "were skipped"),
+        (
+            '<testsuite><testcase status="passed"/><testcase status="pending_warn"/></testsuite>',
+            "the status `pending_warn`, which is not known",
+        ),
+        # the suite itself
+        ('<testsuite status="crashed"><testcase/></testsuite>', "a suite has the status `crashed`"),
+        ('<testsuite result="skipped"><testcase/></testsuite>', "were skipped"),
+        # elements in a case that no table lists
+        ("<testsuite><testcase><failed/></testcase></testsuite>", "contains a `failed`"),
+        (
+            "<testsuite><testcase><internalError/></testcase></testsuite>",
+            "contains a `internalerror`",
+        ),
+        (
+            "<testsuite><testcase><warning>x</warning></testcase></testsuite>",
+            "contains a `warning`",
+        ),
+        ('<testsuite tests="1.5"><testcase/></testsuite>', "`tests` is 1.5"),
+        ('<testsuite tests="1_0"><testcase/></testsuite>', "`tests` is 1_0"),
+        ('<testsuite failures="1e0"><testcase/></testsuite>', "`failures` is 1e0"),
+        ('<testsuite errors="nan"><testcase/></testsuite>', "`errors` is nan"),
+        ('<testsuite skipped="1,000"><testcase/></testsuite>', "`skipped` is 1,000"),
+        ('<testsuite tests="٣"><testcase/></testsuite>', "`tests` is ٣"),
+    ],
+)
+def test_what_is_not_understood_is_errored(tmp_path: Path, text: str, reason: str) -> None:
+    result = result_of(tmp_path, text)
+    assert result.verdict is Verdict.ERRORED
+    assert reason in result.reason
+
+
+@pytest.mark.parametrize(("verdict", "text"), FURTHER)
+def test_further_reports_of_each_tool(tmp_path: Path, verdict: str, text: str) -> None:
+    assert result_of(tmp_path, text).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("1,515.25", 1515.25),
+        ("1,000,000.5", 1000000.5),
+        ("1,5", None),
+        ("1,515", None),
+        ("12,34.5", None),
+    ],
+)
+def test_a_comma_in_a_time_counts_only_where_it_has_one_meaning(
+    tmp_path: Path, text: str, seconds: float | None
+) -> None:
+    result = result_of(tmp_path, f'<testsuite time="{text}"><testcase/></testsuite>')
+    assert (result.verdict, result.duration) == (Verdict.PASSED, seconds)
