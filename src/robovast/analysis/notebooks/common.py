@@ -283,7 +283,10 @@ def _failure_summary(run: Path) -> str | None:
     found = next((e for kind in ("failure", "error") for e in root.iter(kind)), None)
     if found is None:
         return None
-    lines = [*(found.get("message") or "").splitlines(), *(found.text or "").splitlines()]
+    lines: list[str] = [
+        *(found.get("message") or "").splitlines(),
+        *(found.text or "").splitlines(),
+    ]
     for mark in ("[✕] -- ", "[✓] -- "):
         marked = [line.partition(mark)[2].strip() for line in lines if mark in line]
         if marked:
