@@ -60,7 +60,7 @@ class Campaign:
         Raises:
             InputError: the campaign has no list of variants, as with other tools.
         """
-        return read_variants(Layout(self.folder))[1]
+        return read_variants(Layout(self.folder))
 
     def runs(self) -> list[StoredRun]:
         """All stored runs, including those of other tools, by variant and number."""

@@ -18,7 +18,12 @@ from robovast.agent.sources import copy_inputs
 from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import InputError
 from robovast.base.ranges import Span
-from robovast.campaign.configurations import read_variants, variants_digest
+from robovast.campaign.configurations import (
+    document_path,
+    read_configurations,
+    variants_digest,
+    variants_in,
+)
 from robovast.campaign.layout import CONFIGURATIONS, Layout
 from robovast.kubeapi.pod_contract.exit_codes import PlanError
 from robovast.model.document import Document, load_document
@@ -173,8 +178,8 @@ def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     download(campaign, f"{CONFIG}/", layout.root)
     if campaign.plan.composed is None:  # an older version composed it
         download(campaign, CONFIGURATIONS, layout.root)
-        name, variants = read_variants(layout)
-        return load_document(layout.config / name), variants
+        data = read_configurations(layout)
+        return load_document(document_path(layout, data)), variants_in(layout, data)
     growing = campaign.plan.expansion == "proposed"
     composed = Composed(campaign.bucket, layout, campaign.plan.composed, growing=growing)
     check_files(composed.inputs, layout.config)

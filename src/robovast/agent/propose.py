@@ -220,7 +220,7 @@ def _open(campaign: Campaign, document: Document) -> ProposedCampaign:
 def _with_timings(campaign: Campaign, layout: Layout, planned: list[Variant]) -> list[Variant]:
     """The planned variants with the times at which they were made, as far as these are stored."""
     download(campaign, CONFIGURATIONS, layout.root)
-    stored = {variant.name: variant for variant in read_variants(layout)[1]}
+    stored = {variant.name: variant for variant in read_variants(layout)}
     return [stored.get(variant.name, variant) for variant in planned]
 
 

@@ -238,6 +238,25 @@ def copy(source: Path, source_root: Path, target: Path, target_root: Path) -> No
         _copy(folder, name, there, new, DEEPEST)
 
 
+def copy_file(source: Path, target: Path, root: Path) -> None:
+    """Copy a regular file with its mode and times, replacing anything at the target.
+
+    Args:
+        source: the file; a link in its place is not followed.
+        target: of the copy; its parents are created.
+        root: ancestor of the target below which no link is followed.
+
+    Raises:
+        OSError: the source is not a regular file, or the target leads out of its root.
+    """
+    with (
+        _parent(source, None) as (folder, name),
+        _parent(target, root, make=True) as (there, new),
+    ):
+        _remove(there, new)
+        _copy_file(folder, name, there, new)
+
+
 def _rename_or_copy(folder: int, name: str, there: int, new: str) -> None:
     for attempt in (_rename, _rename_accessible):
         try:
@@ -385,7 +404,7 @@ def _check_regular(found: os.stat_result, path: Path | str) -> None:
 @contextmanager
 def _parent(path: Path, root: Path | None, *, make: bool = False) -> Iterator[tuple[int, str]]:
     """The open parent folder of a path, and the last name."""
-    if path.name in {"", ".."}:
+    if path.name in {"", ".."} or "\0" in path.name:
         raise OSError(errno.EINVAL, "has no name", str(path))
     with _folder(path.parent, path.parent if root is None else root, make=make) as folder:
         yield folder, path.name
@@ -394,8 +413,8 @@ def _parent(path: Path, root: Path | None, *, make: bool = False) -> Iterator[tu
 @contextmanager
 def _folder(path: Path, root: Path, *, make: bool = False) -> Iterator[int]:
     """Open a folder below another; with `make`, create it in place of anything else there."""
-    parts = path.relative_to(root).parts
-    if ".." in parts:
+    parts = path.relative_to(root).parts if path.is_relative_to(root) else ("..",)
+    if ".." in parts or "\0" in str(path):
         raise OSError(errno.EINVAL, "leads out of its folder", str(path))
     folder = os.open(root, _FOLDER)
     try:

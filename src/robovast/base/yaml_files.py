@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ _FAULTS = (yaml.YAMLError, RecursionError, ArithmeticError, AttributeError, Look
 
 MOST_LEVELS = 1000
 """Most levels of nesting; libyaml's parser of trees ends the process at some 20,000."""
+MOST_VALUES = 50_000_000
+"""Most values of a file with aliases, each counted as often as it is repeated."""
 _MAY_BE_DEEP = re.compile(rf"(?<![ \-?:\0])[ \-?:\0]{{{MOST_LEVELS // 2}}}")
 """So many spaces and indicators as deep blocks need before a value, wherever YAML sees a new line:
 also after a lone carriage return, U+0085, U+2028, U+2029 and a byte order mark."""
@@ -57,9 +60,36 @@ def parse_yaml(content: str | bytes) -> Any:
     """
     try:
         check_depth(content)
-        return next(yaml.load_all(content, Loader=YamlLoader), None)  # the safe one
+        data = next(yaml.load_all(content, Loader=YamlLoader), None)  # the safe one
+        if (b"*" if isinstance(content, bytes) else "*") in content:  # type: ignore[operator]
+            _refuse_repetition(data)
+        return data
     except _FAULTS as error:
         raise ValueError(f"not valid YAML: {error}") from error
+
+
+def _refuse_repetition(data: Any) -> None:
+    """Refuse data that aliases repeat too often, or that contains itself: writing it has no end.
+
+    Raises:
+        ValueError: aliases do.
+    """
+    sizes: dict[int, float] = {}
+
+    def size(value: Any) -> float:
+        if not isinstance(value, dict | list | tuple):
+            return 1
+        if id(value) not in sizes:
+            sizes[id(value)] = math.inf  # if it is part of itself
+            inside = value.values() if isinstance(value, dict) else value
+            sizes[id(value)] = 1 + sum(map(size, inside))
+        return sizes[id(value)]
+
+    if size(data) > MOST_VALUES:
+        raise ValueError(
+            f"not valid YAML: aliases (`*name`) repeat more than {MOST_VALUES:,} values, or a "
+            "value is part of itself"
+        )
 
 
 def read_mapping(path: Path, most: int = MOST_OF_ALL) -> dict[str, Any]:

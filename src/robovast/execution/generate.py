@@ -10,7 +10,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from robovast.base import safe_paths
 from robovast.base.atomic import appearing_file, part_name, put_in_place, sync_tree
+from robovast.base.errors import StorageError
 from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml, to_plain
 from robovast.base.version import __version__
@@ -141,19 +143,23 @@ def _copy_whole(source: Path, target: Path) -> None:
 
 def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: Any) -> None:
     own = str(layout.variant(variant.name))  # there may be very many: no Path for each
-    for path in (own, f"{own}/{CONFIG}"):
+    config = f"{own}/{CONFIG}"
+    for path in (own, config):
         with contextlib.suppress(FileExistsError):
             os.mkdir(path)
+        if os.path.islink(path):
+            raise StorageError(f"{path}: is a link, and nothing is written through links.")
     factors = {"factors": dict(variant.factors)} if variant.factors else {}
     _write_text(f"{own}/{VARIANT_RECORD}", dump_yaml({**identity, **factors}))
     _write_text(f"{own}/{SCENARIO_CONFIG}", dump_yaml({scenario: dict(variant.parameters)}))
     for file in variant.files:
-        copy_file(file.source, Path(own, CONFIG, file.name))
+        safe_paths.copy_file(file.source.resolve(), Path(config, file.name), Path(config))
 
 
 def _write_text(path: str, text: str) -> None:
     """Write a small file with as few system calls as possible."""
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC
+    descriptor = os.open(path, flags, 0o666)
     with open(descriptor, "wb", buffering=0) as file:
         file.write(text.encode())
 

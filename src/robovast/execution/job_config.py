@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robovast.base import safe_paths
 from robovast.base.serialization import dump_yaml_documents
 from robovast.campaign.layout import JOBS
 from robovast.model.plan import PackStart, Run
@@ -48,9 +49,7 @@ def build_config_folder(folder: Path, common: Path, job: PackStart, scenario: Sc
     shutil.copytree(common, folder, copy_function=link_or_copy)
     for run in job.runs:
         for file in run.variant.files:
-            target = folder / file.name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(file.source, target)
+            safe_paths.copy_file(file.source, folder / file.name, folder)
     (folder / PARAMETER_FILE).write_text(parameter_documents(job, scenario), encoding="utf-8")
     seeds = {run.path: run.seed for run in job.runs if run.seed is not None}
     (folder / SEEDS_FILE).write_text(json.dumps(seeds), encoding="utf-8")

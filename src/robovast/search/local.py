@@ -12,7 +12,7 @@ from robovast.base.atomic import sync_folder, sync_tree
 from robovast.base.errors import InputError
 from robovast.base.stopwatch import Stopwatch
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.configurations import read_configurations
+from robovast.campaign.configurations import document_path, read_configurations
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations, write_execution
 from robovast.execution.local import (
@@ -86,7 +86,7 @@ def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary
     """Continue a campaign or a search; see `resume_campaign`."""
     refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
-    document = load_document(layout.config / str(read_configurations(layout).get("vast")))
+    document = load_document(document_path(layout, read_configurations(layout)))
     if document.vast.search is None:
         _refuse_batches(document, options)
         return resume_campaign(campaign, options, observer)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from robovast.analysis.tables.query import Answer
 from robovast.base.errors import InputError
 from robovast.base.plugins import plugin_errors, raised
-from robovast.campaign.configurations import read_configurations
+from robovast.campaign.configurations import document_path, read_configurations
 from robovast.campaign.layout import Layout
 from robovast.model.document import load_document
 from robovast.model.document.problems import suggest
@@ -207,7 +207,7 @@ def stored_search(campaign: Path) -> StoredSearch:
         InputError: the folder is no search, or nothing of it was scored yet.
     """
     layout = Layout(campaign)
-    document = load_document(layout.config / str(read_configurations(layout).get("vast")))
+    document = load_document(document_path(layout, read_configurations(layout)))
     stored = StoredSearch(search_of(document), History(layout), document.path)
     if not stored.history.finished:
         raise InputError(f"{campaign}: no batch of the search is finished yet.")

@@ -163,8 +163,7 @@ def _indented(text: str, column: int) -> str:
 
 def _read_entries(source: Path) -> list[Any]:
     if source.is_dir():
-        _, variants = read_variants(Layout(source))
-        return [_entry(variant) for variant in variants]
+        return [_entry(variant) for variant in read_variants(Layout(source))]
     data = Source.read(source).data
     entries = data.get("configuration") if isinstance(data, dict) else None
     if not isinstance(entries, list) or not entries:

@@ -48,7 +48,7 @@ def coverage(
     A pair's interval is Wilson's, of all runs in which the two values met.
     """
     from robovast.base.atomic import write_report
-    from robovast.campaign.configurations import read_configurations
+    from robovast.campaign.configurations import document_path, read_configurations
     from robovast.campaign.layout import Layout
     from robovast.evaluation.coverage import campaign_coverage
     from robovast.model.document import load_document
@@ -58,7 +58,7 @@ def coverage(
 
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     layout = Layout(folder)
-    document = load_document(layout.config / str(read_configurations(layout).get("vast")))
+    document = load_document(document_path(layout, read_configurations(layout)))
     found = campaign_coverage(document, read_campaign(folder).variants, buckets)
     say_data(coverage_text(found, worst))
     if holes is not None:

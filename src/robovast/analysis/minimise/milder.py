@@ -56,7 +56,7 @@ def reductions_of(
 def passing_variants(layout: Layout) -> list[Variant]:
     """The configurations of a campaign that passed in some run, and failed in none."""
     return [
-        variant for variant in read_variants(layout)[1] if _passes(_verdicts(layout, variant.name))
+        variant for variant in read_variants(layout) if _passes(_verdicts(layout, variant.name))
     ]
 
 

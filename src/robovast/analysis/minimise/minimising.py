@@ -135,7 +135,7 @@ def continue_minimising(
 def _refuse_other_steps(run: StoredRun, layout: Layout) -> None:
     """Refuse a folder whose configurations are not those that this module has made for a run."""
     read_inputs(layout, run.variant.name)
-    own, (first, *others) = run.variant, read_variants(layout)[1]
+    own, (first, *others) = run.variant, read_variants(layout)
     names = [variant.name for variant in (first, *others)]
     right = [own.name, *(f"{own.name}-m{number}" for number in range(1, len(names)))]
     files = [[file.name for file in variant.files] for variant in (own, first, *others)]
@@ -201,7 +201,7 @@ class _Way:
     def open(self) -> None:
         """Read what is stored."""
         layout = self.session.layout
-        _, self.variants = read_variants(layout)
+        self.variants = read_variants(layout)
         runs = [run for variant in self.variants for run in self._runs(variant)]
         self.records = stored_runs(self.session, runs, self.told)
         runtime = how(self.session, self.session.options.jobs or 1)

@@ -29,7 +29,7 @@ from robovast.analysis.postprocessing.worker import StoppedError
 from robovast.analysis.postprocessing.workers import started
 from robovast.base.errors import InputError, RobovastError
 from robovast.base.yaml_files import read_mapping_leniently
-from robovast.campaign.configurations import read_configurations
+from robovast.campaign.configurations import document_path, read_configurations
 from robovast.campaign.finding import find_campaigns
 from robovast.campaign.layout import POSTPROCESSING, Layout
 from robovast.model.document.commands import ROSOUT
@@ -147,7 +147,7 @@ def _document(layout: Layout, observer: Observer) -> Path | None:
         return None
     if len(found) == 1:
         return found[0]
-    named = layout.config / str(read_configurations(layout).get("vast"))
+    named = document_path(layout, read_configurations(layout))
     if named in found:
         return named
     raise InputError(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -14,7 +13,12 @@ from robovast.base.atomic import sync_folder, sync_tree, write_atomically
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.configurations import read_variants
+from robovast.campaign.configurations import (
+    document_path,
+    read_configurations,
+    variants_in,
+    with_stored_files,
+)
 from robovast.campaign.decisions import DECIDE, test_record
 from robovast.campaign.layout import Layout
 from robovast.campaign.planned_runs import PlannedRuns, planned_runs
@@ -31,7 +35,7 @@ from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
-from robovast.model.expansion import Variant, select_any
+from robovast.model.expansion import select_any
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import plan_runs, plan_variants
 
@@ -84,7 +88,7 @@ def run_campaign(
             record_inputs(document, layout)
             sync_tree(layout.root)
             sync_folder(output)
-    variants = _stored_files(layout, composition.variants)
+    variants = [with_stored_files(layout, variant) for variant in composition.variants]
     session = Session(document, layout, options, runtime, identity)
     return execute_campaign(session, plan, plan_runs(plan, variants, seed), observer, test)
 
@@ -99,8 +103,8 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     """
     refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
-    name, variants = read_variants(layout)
-    document = load_document(layout.config / name)
+    data = read_configurations(layout)
+    document, variants = load_document(document_path(layout, data)), variants_in(layout, data)
     chosen = {variant.name for variant in select_any(variants, options.select)}
     seed, execution, wanted = recorded_seed(layout), document.vast.execution, options.runs or 0
 
@@ -135,20 +139,6 @@ def record_again(layout: Layout, changes: Mapping[str, Any]) -> None:
     record = read_mapping(layout.execution_record)
     with explained(layout.root):
         write_atomically(layout.execution_record, dump_yaml({**record, **changes}))
-
-
-def _stored_files(layout: Layout, variants: Sequence[Variant]) -> list[Variant]:
-    """Variants whose files are the campaign's copies, since generated files no longer exist."""
-    return [
-        dataclasses.replace(
-            variant,
-            files=tuple(
-                dataclasses.replace(file, source=layout.variant_config(variant.name) / file.name)
-                for file in variant.files
-            ),
-        )
-        for variant in variants
-    ]
 
 
 def recorded_runs(layout: Layout, given: int | None = None) -> PlannedRuns:

@@ -35,6 +35,7 @@ from robovast.execution.local.pack_queue import (
 from robovast.execution.local.reuse import reused_runs, why_nothing
 from robovast.execution.local.session import COMMON, Session
 from robovast.execution.local.store import explained, finished_runs, first_free_job
+from robovast.execution.local.stored_inputs import refuse_links
 from robovast.model.inputs import container_files
 from robovast.model.packing import Sample
 from robovast.model.packs import PlanSpec
@@ -86,8 +87,10 @@ def executing(session: Session, observer: Observer) -> Iterator[Observer]:
     """Have a campaign for this program alone, with its log and its common inputs.
 
     Raises:
+        InputError: a folder of the campaign is a link.
         StorageError: another program executes the campaign.
     """
+    refuse_links(session.layout)
     root = session.layout.root
     refusal = f"{root}: another `vast` is executing this campaign; wait for it or stop it."
     with (

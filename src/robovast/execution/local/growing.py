@@ -46,7 +46,7 @@ class GrowingCampaign(GrowingPlan):
 
     def open(self, blocks: Sequence[Block]) -> None:
         """Read what is stored; `blocks` are the plan so far."""
-        _, self.variants = read_variants(self.session.layout)
+        self.variants = read_variants(self.session.layout)
         known = len(self.variants)
         self.blocks = list(blocks)
         stored = [b for b in blocks if b.first_variant + b.variants <= known]
@@ -72,7 +72,7 @@ class GrowingCampaign(GrowingPlan):
                 earlier=self.variants,
                 lasting=True,
             )
-        _, self.variants = read_variants(layout)
+        self.variants = read_variants(layout)
 
     @contextmanager
     def working(self) -> Iterator[None]:

@@ -13,6 +13,7 @@ from typing import Any
 from robovast.base.errors import CannotRunError, StorageError
 from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.base.serialization import dump_yaml
+from robovast.campaign.configurations import with_stored_files
 from robovast.campaign.layout import Layout
 from robovast.common.execution import COMPAT_VERSION
 from robovast.execution.contract import contract_files
@@ -52,7 +53,8 @@ def prepare_run(document: Document, output: Path, options: LocalOptions) -> Path
         template = Layout(output / "out_template")
         write_configurations(document, composition, template.root, timings=True)
         execution = document.vast.execution
-        runs, variants = options.runs or execution.most_runs, composition.variants
+        runs = options.runs or execution.most_runs
+        variants = [with_stored_files(template, variant) for variant in composition.variants]
         plan = plan_variants(variants, runs, execution.runs_per_start)
         jobs = pack_runs(plan, plan_runs(plan, variants, campaign_seed(document)))
         _write_jobs(document, options, output, jobs, Path(scratch))

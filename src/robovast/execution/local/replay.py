@@ -18,7 +18,7 @@ from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.configurations import variant_of
+from robovast.campaign.configurations import document_path, variant_of
 from robovast.campaign.layout import RUN_RECORD, Layout
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.generate import write_execution
@@ -121,7 +121,7 @@ def execute_again(run: StoredRun, options: LocalOptions, tell: Callable[[str], N
         InputError: the campaign's document cannot be read.
         CannotRunError: the runtime is not usable, or the image is gone.
     """
-    document = load_document(run.layout.config / str(run.configurations["vast"]))
+    document = load_document(document_path(run.layout, run.configurations))
     options = _as_then(run, options)
     runtime = choose_runtime(document, options, tell)
     return Again(run, document, options, runtime, _check(run, options, runtime, tell))

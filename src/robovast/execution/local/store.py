@@ -20,6 +20,7 @@ from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.records import Circumstances, EndedRun, make_record
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.local.session import Session
+from robovast.execution.local.stored_inputs import check_plain
 from robovast.model.naming import campaign_folder_name
 from robovast.model.plan import Run
 
@@ -110,6 +111,7 @@ def finished_runs(
     left of a run.
 
     Raises:
+        InputError: an input of a configuration is a link.
         StorageError: a configuration's folder is a link, which leads to other results.
     """
     _refuse_links(session.layout, runs)
@@ -142,6 +144,7 @@ def _refuse_links(layout: Layout, runs: Sequence[Run]) -> None:
                 f"{folder}: is a link, and a run that is stored there would change what it leads "
                 "to. Put the folder itself in its place, or remove the link."
             )
+        check_plain(layout.variant_config(name), layout)
 
 
 def first_free_job(layout: Layout) -> int:

@@ -9,18 +9,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
-from pathlib import Path, PurePosixPath
-from typing import Annotated, Any
-
-from pydantic import AfterValidator, BaseModel, Field, ValidationError
-from pydantic_core import PydanticCustomError
+from pathlib import Path
+from typing import Any
 
 from robovast.base import safe_paths
 from robovast.base.errors import InputError
-from robovast.base.serialization import dump_yaml
-from robovast.campaign.configurations import read_configurations
+from robovast.campaign.configurations import document_path, read_configurations
 from robovast.campaign.layout import CONFIGURATIONS, PARTS, POSTPROCESSING, Layout
-from robovast.model.document.source import render_path
 from robovast.storage.bucket_ownership import OWNER
 
 _OF_EXECUTION = (
@@ -31,62 +26,19 @@ _OF_EXECUTION = (
 """Names in `_transient` of what belongs to the campaign's execution."""
 
 
-def _inside(path: str) -> str:
-    pure = PurePosixPath(path)
-    if pure.name and path.isprintable() and not pure.is_absolute() and ".." not in pure.parts:
-        return path
-    raise PydanticCustomError("inside", "must be the path of a file in the campaign's `_config`")
-
-
-_Inside = Annotated[str, AfterValidator(_inside)]
-
-
-class _Variation(BaseModel):
-    name: str
-
-
-class _Configuration(BaseModel):
-    name: str
-    config: dict[str, Any] | None = None
-    files: list[_Inside] | None = Field(None, alias="_config_files")
-    variations: list[_Variation] | None = Field(None, alias="_variations")
-
-
-class _Configurations(BaseModel):
-    """What `configurations.yaml` must be to replay a run."""
-
-    vast: _Inside
-    configs: list[_Configuration]
-    input_files: list[_Inside] | None = Field(None, alias="_input_files")
-    run_files: list[_Inside] | None = Field(None, alias="_run_files")
-
-
 def read_inputs(layout: Layout, variant: str) -> dict[str, Any]:
     """The content of `configurations.yaml`, with one variant alone.
 
     Raises:
         InputError: it is damaged, names files outside of the campaign, or has no such variant.
     """
-    _check_plain(layout.configurations, layout)
+    check_plain(layout.configurations, layout)
     data = read_configurations(layout)
-    try:
-        _Configurations.model_validate(data)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise _damaged(layout, f"`{render_path(first['loc'])}`: {first['msg']}") from None
+    document_path(layout, data)
     items = [item for item in data["configs"] if item["name"] == variant]
     if not items:
         raise InputError(f"{layout.configurations}: has no configuration `{variant}`.")
-    found = {**data, "configs": items}
-    try:
-        dump_yaml(found)
-    except RecursionError:
-        raise _damaged(layout, "a value contains itself") from None
-    return found
-
-
-def _damaged(layout: Layout, why: str) -> InputError:
-    return InputError(f"{layout.configurations}: is damaged: {why}. Download the campaign again.")
+    return {**data, "configs": items}
 
 
 def check_inputs(run: Path, configurations: Mapping[str, Any]) -> None:
@@ -97,7 +49,7 @@ def check_inputs(run: Path, configurations: Mapping[str, Any]) -> None:
     """
     layout, variant = Layout(run.parent.parent), run.parent.name
     for path in (layout.execution_record, *_trees(layout, variant)):
-        _check_plain(path, layout)
+        check_plain(path, layout)
     shared = (configurations.get(key) or () for key in ("_input_files", "_run_files"))
     wanted = [layout.config / name for names in shared for name in names]
     own = configurations["configs"][0].get("_config_files") or ()
@@ -109,6 +61,22 @@ def check_inputs(run: Path, configurations: Mapping[str, Any]) -> None:
             f"{', '.join(str(path.relative_to(layout.root)) for path in gone)}. Put them back, or "
             "download the campaign again."
         )
+
+
+def refuse_links(layout: Layout) -> None:
+    """Refuse a campaign of which a folder that RoboVAST writes to or reads inputs from is a link.
+
+    Raises:
+        InputError: one is.
+    """
+    own = (layout.execution, layout.transient, layout.jobs, layout.aside, layout.running)
+    for path in (*own, *layout.running.glob("*")):
+        if path.is_symlink():
+            raise InputError(
+                f"{path}: is a link, and what is stored there would change what the link leads "
+                "to. Remove the link."
+            )
+    check_plain(layout.config, layout)
 
 
 def copy_inputs(layout: Layout, variant: str, target: Layout) -> None:
@@ -132,8 +100,12 @@ def _trees(layout: Layout, variant: str) -> Iterator[Path]:
             yield layout.transient / name
 
 
-def _check_plain(path: Path, layout: Layout) -> None:
-    """Refuse a path if there is anything but plain files at it or below it."""
+def check_plain(path: Path, layout: Layout) -> None:
+    """Refuse a path if there is anything but plain files at it or below it.
+
+    Raises:
+        InputError: there is a link, a device or a pipe, or a part of the path is a link.
+    """
     pending = [path]
     while pending:
         path = pending.pop()
@@ -150,6 +122,6 @@ def _check_plain(path: Path, layout: Layout) -> None:
             behind = isinstance(error, NotADirectoryError)
             why = "a part of its path is a link, or no folder" if behind else error.strerror
             raise InputError(
-                f"{path}: cannot be replayed from: {why}. A replay takes plain "
-                "files of its campaign alone: put one in its place, or download the campaign again."
+                f"{path}: cannot be an input of a run: {why}. Inputs are plain files of the "
+                "campaign: put a file in its place, or download the campaign again."
             ) from None

@@ -1,0 +1,108 @@
+"""Continuing campaigns of others: nothing outside of a campaign is read or written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from support.campaigns.local import make_campaign, resume, run
+
+from robovast.base.errors import RobovastError
+from robovast.campaign.importing import import_archive
+
+OWN = "key of the user\n"
+
+
+@pytest.fixture(scope="module")
+def executed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of three runs, two of which are missing."""
+    folder = tmp_path_factory.mktemp("executed")
+    campaign = run(make_campaign(folder / "in", "exit 0\n"), folder / "out").campaign
+    for name in ("one-2", "one-3"):
+        shutil.rmtree(campaign / name / "0")
+    return campaign
+
+
+def packed(campaign: Path, folder: Path, change: Callable[[Path], None]) -> Path:
+    """An archive of a copy of a campaign that somebody has changed."""
+    copy = folder / "made" / campaign.name
+    shutil.copytree(campaign, copy, symlinks=True)
+    change(copy)
+    archive = folder / "campaign.tar.gz"
+    with tarfile.open(archive, "w:gz") as tar:
+        tar.add(copy, copy.name)
+    return archive
+
+
+def with_files(*names: Any) -> Callable[[Path], None]:
+    """Lists files of the missing runs' configurations."""
+
+    def change(campaign: Path) -> None:
+        path = campaign / "_transient" / "configurations.yaml"
+        data = yaml.safe_load(path.read_text())
+        for item in data["configs"][1:]:
+            item["_config_files"] = list(names)
+        path.write_text(yaml.safe_dump(data))
+        deep = campaign / "deep/1/2/3/4/5/6"
+        deep.mkdir(parents=True)
+        (campaign / "deep/.ssh").mkdir()
+        (campaign / "deep/.ssh/authorized_keys").write_text("stolen\n")
+        (campaign / "one-2/_config/d").symlink_to("../../deep/1/2/3/4/5/6")
+        (campaign / "one-2/_config/link").symlink_to("../../deep/.ssh/authorized_keys")
+
+    return change
+
+
+def linked(name: str) -> Callable[[Path], None]:
+    """Puts a link to another folder of the campaign in the place of one that is written to."""
+
+    def change(campaign: Path) -> None:
+        shutil.rmtree(campaign / name, ignore_errors=True)
+        (campaign / name).parent.mkdir(exist_ok=True)
+        (campaign / name).symlink_to(
+            os.path.relpath(campaign / "_config", (campaign / name).parent)
+        )
+
+    return change
+
+
+ESCAPES = {
+    "up": with_files("d/../../../../../../.ssh/authorized_keys"),
+    "absolute": with_files("/etc/passwd"),
+    "pair": with_files(["../x", "/etc/passwd"]),
+    "behind a link": with_files("d/keep"),
+    "link": with_files("link"),
+    **{name: linked(name) for name in ("_jobs", "_transient", "_execution", ".running", ".aside")},
+    **{name: linked(name) for name in (".running/common", "one-2", "one-2/_config", "_config/x")},
+}
+
+
+@pytest.mark.parametrize("change", ESCAPES.values(), ids=ESCAPES)
+def test_continuing_leaves_everything_else_alone(
+    executed: Path, tmp_path: Path, change: Callable[[Path], None]
+) -> None:
+    home = tmp_path / "home"
+    (home / ".ssh").mkdir(parents=True)
+    (home / ".ssh" / "authorized_keys").write_text(OWN)
+    archive = packed(executed, tmp_path, change)
+    try:
+        campaign = import_archive(archive, home / "results")
+    except RobovastError:
+        return
+    inputs = {path: path.read_bytes() for path in (campaign / "_config").rglob("*.*")}
+    with pytest.raises(RobovastError):
+        resume(campaign)
+    assert (home / ".ssh" / "authorized_keys").read_text() == OWN
+    assert sorted(path.name for path in home.iterdir()) == [".ssh", "results"]
+    assert {path: path.read_bytes() for path in (campaign / "_config").rglob("*.*")} == inputs
+
+
+def test_an_unchanged_campaign_continues(executed: Path, tmp_path: Path) -> None:
+    campaign = import_archive(packed(executed, tmp_path, lambda _: None), tmp_path / "results")
+    assert len(resume(campaign).records) == 3
