@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError
 from pydantic_core import PydanticCustomError
 
 from robovast.base.errors import InputError
@@ -58,15 +58,13 @@ _Inside = Annotated[str, AfterValidator(_inside)]
 _File = Annotated[_Inside, BeforeValidator(_name_in_pair)]
 
 
-class _Variation(BaseModel):
+class _Variation(BaseModel, defer_build=True):
     name: str
     started_at: Any = ""
     duration: float | None = None
 
 
-class _Configuration(BaseModel):
-    model_config = ConfigDict(extra="allow")
-
+class _Configuration(BaseModel, extra="allow", defer_build=True):
     name: _Name
     config: dict[str, Any] | None = None
     entry: str | None = Field(None, alias="_config_name")
@@ -75,7 +73,7 @@ class _Configuration(BaseModel):
     factors: dict[str, Any] | None = Field(None, alias=FACTORS)
 
 
-class _Configurations(BaseModel):
+class _Configurations(BaseModel, defer_build=True):
     """What `configurations.yaml` must be."""
 
     vast: _Inside | None = None
