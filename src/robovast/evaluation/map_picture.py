@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import InputError
@@ -112,9 +111,8 @@ def decode_map(files: MapFiles, name: str) -> OccupancyMap:
     from robovast.base.optional_deps import NAV
 
     with NAV.needed_by("The map of a configuration"):
-        from robovast.navigation.occupancy import read_map
-    with TemporaryDirectory(prefix="robovast-") as folder, _drawable(name):
-        return read_map(_write_map(files, Path(folder)))
+        from robovast.navigation import occupancy
+    return occupancy.decode_map(files.description, files.pixels, name, _MOST_CELLS)
 
 
 @contextmanager
@@ -181,27 +179,3 @@ def _map_alone(text: str) -> Mapping[str, Any]:
 @lru_cache(maxsize=256)  # many configurations have equal maps
 def _parsed_line(line: str) -> Any:
     return parse_yaml(line.encode())
-
-
-def _write_map(files: MapFiles, folder: Path) -> Path:
-    """The map's two files in a folder of our own: the one must not name the other elsewhere."""
-    _check_size(files.pixels, files.image)
-    data = dict(mapping(parse_yaml(files.description)))
-    data["image"] = f"map{PurePosixPath(files.image).suffix}"
-    (folder / data["image"]).write_bytes(files.pixels)
-    path = folder / "map.yaml"
-    path.write_text(dump_yaml(data))
-    return path
-
-
-def _check_size(pixels: bytes, name: str) -> None:
-    """Raise InputError if an image is too large for memory or invalid."""
-    from PIL import Image
-
-    try:
-        with Image.open(io.BytesIO(pixels)) as image:
-            width, height = image.size
-    except (OSError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{name} is no image: {error}.") from None
-    if width * height > _MOST_CELLS:
-        raise InputError(f"{name} has more than {_MOST_CELLS:,} cells.")

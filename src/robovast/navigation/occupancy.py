@@ -1,19 +1,22 @@
-"""Occupancy maps in the format of ROS map_server: a YAML file and a PGM or PNG image."""
+"""Occupancy maps in the format of ROS map_server; `map_files` lists what is supported."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from PIL import Image, UnidentifiedImageError
 
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
-from robovast.base.yaml_files import parse_yaml
+from robovast.navigation.map_files import (
+    Description,
+    Grid,
+    cells_of,
+    parse_description,
+    read_description,
+    read_pixels,
+)
 from robovast.navigation.poses import Point
 
 Mask = np.ndarray[tuple[int, int], np.dtype[np.bool_]]
@@ -64,14 +67,31 @@ def read_map(path: Path) -> OccupancyMap:
     Raises:
         InputError: the YAML file or its image is missing or invalid; the message names the key.
     """
-    data = _read_yaml(path)
-    resolution = _positive(path, data, "resolution")
-    origin = _origin(path, data)
-    grey, known = _read_image(path, data)
-    darkness = grey if data.get("negate") in (1, True) else 1.0 - grey
-    occupied = known & (darkness > float(data.get("occupied_thresh", _OCCUPIED_THRESH)))
-    free = known & (darkness < float(data.get("free_thresh", _FREE_THRESH)))
-    return OccupancyMap(np.flipud(free), np.flipud(occupied), resolution, origin)
+    description = read_description(path)
+    pixels = read_pixels(path.parent / description.image, str(path))
+    return _occupancy(description, cells_of(description, pixels, str(path)))
+
+
+def decode_map(description: bytes, pixels: bytes, name: str, most: int) -> OccupancyMap:
+    """Decode a map.
+
+    Args:
+        description: content of the YAML file.
+        pixels: content of the image.
+        name: the map's name for messages.
+        most: largest number of cells.
+
+    Raises:
+        InputError: as in `read_map`, or the map is too large.
+    """
+    found = parse_description(description, name)
+    return _occupancy(found, cells_of(found, pixels, name, most))
+
+
+def _occupancy(description: Description, cells: Grid) -> OccupancyMap:
+    rows = np.flipud(cells)
+    origin = (description.x, description.y)
+    return OccupancyMap(rows == 0, rows == 100, description.resolution, origin)
 
 
 def map_image(path: Path) -> Path:
@@ -80,7 +100,10 @@ def map_image(path: Path) -> Path:
     Raises:
         InputError: the file is not a map, or the image is missing.
     """
-    return _image_path(path, _read_yaml(path))
+    image = path.parent / read_description(path).image
+    if not image.is_file():
+        raise InputError(f"the map {path}: its image {image} does not exist.")
+    return image
 
 
 def read_resolution(path: Path) -> float:
@@ -89,7 +112,7 @@ def read_resolution(path: Path) -> float:
     Raises:
         InputError: the file is not a map.
     """
-    return _positive(path, _read_yaml(path), "resolution")
+    return read_description(path).resolution
 
 
 def write_map(occupancy: OccupancyMap, path: Path) -> Path:
@@ -120,60 +143,3 @@ def write_map(occupancy: OccupancyMap, path: Path) -> Path:
     }
     path.write_text(dump_yaml(data), encoding="utf-8")
     return image
-
-
-def _read_yaml(path: Path) -> dict[str, Any]:
-    try:
-        data = parse_yaml(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"there is no map {path}.") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"the map {path} cannot be read: {error}") from error
-    if not isinstance(data, dict):
-        raise InputError(f"{path} is no map: it must be a mapping with `image` and `resolution`.")
-    return data
-
-
-def _positive(path: Path, data: dict[str, Any], key: str) -> float:
-    value = data.get(key)
-    if isinstance(value, int | float) and math.isfinite(value) and value > 0:
-        return float(value)
-    raise InputError(f"the map {path}: `{key}` must be a number above 0, not {value!r}.")
-
-
-def _origin(path: Path, data: dict[str, Any]) -> Point:
-    value = data.get("origin", [0.0, 0.0, 0.0])
-    match value:
-        case [int() | float() as x, int() | float() as y, *rest] if not any(rest):
-            return float(x), float(y)
-    raise InputError(
-        f"the map {path}: `origin` must be `[x, y, 0.0]`, not {value!r}; a rotated map is not "
-        "supported, as in most of Nav2."
-    )
-
-
-def _image_path(path: Path, data: dict[str, Any]) -> Path:
-    name = data.get("image")
-    if not isinstance(name, str) or not name:
-        raise InputError(f"the map {path}: `image` must name an image file.")
-    image = path.parent / name
-    if not image.is_file():
-        raise InputError(f"the map {path}: its image {image} does not exist.")
-    return image
-
-
-def _read_image(path: Path, data: dict[str, Any]) -> tuple[npt.NDArray[np.float64], Mask]:
-    """Brightness from 0 to 1, and a mask of known cells.
-
-    The grey of unknown cells means unknown whatever the thresholds: Nav2 saves maps with a
-    `free_thresh` of 0.25, by which everything outside the building would be free.
-    """
-    image = _image_path(path, data)
-    try:
-        with Image.open(image) as file:
-            bands = np.asarray(file.convert("LA"))
-    except (OSError, UnidentifiedImageError, ValueError) as error:
-        raise InputError(f"the map {path}: its image {image} cannot be read: {error}") from error
-    grey, opacity = bands[..., 0], bands[..., 1]
-    unknown = (grey == UNKNOWN) & (data.get("mode", "trinary") == "trinary")
-    return grey / 255.0, (opacity > 127) & ~unknown
