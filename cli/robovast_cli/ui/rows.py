@@ -8,6 +8,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from decimal import Decimal
 from typing import Any, Literal
 
 from robovast.analysis.tables.query import Answer
@@ -50,7 +51,9 @@ def _print_json(answer: Answer) -> None:
 
 
 def _jsonable(value: Any) -> Any:
-    """A value as JSON has it: no number but finite ones."""
+    """A value as JSON has it: only finite numbers, and decimals as numbers if these are exact."""
+    if isinstance(value, Decimal) and Decimal(repr(float(value))) == value:
+        return float(value)
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

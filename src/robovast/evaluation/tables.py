@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from robovast.analysis.tables.csv_files import lines
+from robovast.analysis.tables.spelling import number_in
 from robovast.base.errors import InputError
 from robovast.evaluation.inside import open_inside
 
@@ -144,9 +145,12 @@ def _cell(row: Sequence[str], place: int) -> str:
 
 
 def _typed(cells: Sequence[str]) -> list[Cell]:
-    numbers = [_finite(cell) for cell in cells]
-    numeric = all(n is not None or not _says(cell) for n, cell in zip(numbers, cells, strict=True))
-    return list(numbers) if numeric else [cell[:200] for cell in cells]
+    said = {cell for cell in cells if _says(cell)}
+    numbers = {cell: number_in(cell, rounded=True) for cell in said}
+    floats = {float(number) for number in numbers.values() if number is not None}
+    if len(floats) < len(said):  # texts, or different cells that are one number
+        return [cell[:200] for cell in cells]
+    return [_finite(cell) for cell in cells]
 
 
 def _says(cell: str) -> bool:

@@ -6,8 +6,7 @@ rewriting the others.
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import closing, contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -33,6 +32,7 @@ from robovast.analysis.tables.database import (
     runs_query,
 )
 from robovast.analysis.tables.runs import COLUMNS, Row, run_rows
+from robovast.analysis.tables.spelling import type_of
 from robovast.analysis.tables.staging import (
     append,
     literal,
@@ -47,6 +47,8 @@ from robovast.campaign.layout import COLUMNAR_TABLES, Layout
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
 
+Columns = Set[tuple[str, str]]
+"""Columns, as table and name, both folded."""
 KEY_TYPES = {"config": "VARCHAR", "run": "INTEGER"}
 _SERIES = "many rows for each run"
 _UNFINISHED = ""
@@ -80,9 +82,13 @@ def update_columnar(layout: Layout, versions: Mapping[str, str]) -> None:
         if not stale and not gone:
             return
         _remove(connection, gone)
-        _claim(connection, stale, dict.fromkeys(stale, _UNFINISHED))
-        _load_rows(connection, list(run_rows(layout, stale)), Path(scratch))
-        _load_csv_files(connection, layout, stale, Path(scratch))
+        texts = _load(connection, layout, stale, Path(scratch))
+        if texts and len(stale) < len(versions):  # all cells together may have another type
+            stale = list(versions)
+            texts = _load_again(connection, layout, stale, Path(scratch))
+        if texts:
+            stale = list(versions)
+            _load_again(connection, layout, stale, Path(scratch), texts)
         _join_metrics(connection)
         _claim(connection, stale, versions)
 
@@ -111,11 +117,51 @@ def write_runs(path: Path, rows: Sequence[Row]) -> None:
         raise StorageError(f"{path}: cannot be written: {first_line(error)}") from error
 
 
-def _claim(connection: DuckDBPyConnection, runs: list[str], versions: Mapping[str, str]) -> None:
+def _load_again(
+    connection: DuckDBPyConnection,
+    layout: Layout,
+    runs: Sequence[str],
+    scratch: Path,
+    texts: Columns = frozenset(),
+) -> Columns:
+    """Replace all tables by new ones; see `_load`."""
+    for table in tables_of(connection):
+        connection.execute(f"DROP TABLE {quoted(table)}")
+    connection.execute("DELETE FROM loaded")
+    return _load(connection, layout, runs, scratch, texts)
+
+
+def _load(
+    connection: DuckDBPyConnection,
+    layout: Layout,
+    runs: Sequence[str],
+    scratch: Path,
+    texts: Columns = frozenset(),
+) -> Columns:
+    """Append the rows of runs.
+
+    Args:
+        connection: connection to the tables.
+        layout: the campaign's layout.
+        runs: paths of the runs, as `<variant>/<number>`.
+        scratch: folder for temporary files.
+        texts: columns that are text.
+
+    Returns:
+        Columns with different types in different files; they must be read again as text.
+    """
+    _claim(connection, runs, dict.fromkeys(runs, _UNFINISHED))
+    found = set(_load_rows(connection, list(run_rows(layout, runs)), scratch, texts))
+    return found | _load_csv_files(connection, layout, runs, scratch, texts)
+
+
+def _claim(
+    connection: DuckDBPyConnection, runs: Sequence[str], versions: Mapping[str, str]
+) -> None:
     """Record the versions of runs in the tables."""
-    named = {"p": runs, "v": [versions[run] for run in runs]}
+    named = {"p": list(runs), "v": [versions[run] for run in runs]}
     connection.execute("BEGIN")
-    connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": runs})
+    connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": named["p"]})
     connection.execute("INSERT INTO loaded SELECT unnest($p), unnest($v)", named)
     connection.execute("COMMIT")
 
@@ -173,21 +219,47 @@ def _remove(connection: DuckDBPyConnection, runs: Sequence[str]) -> None:
     connection.execute("DELETE FROM loaded WHERE path IN (SELECT unnest($p))", {"p": list(runs)})
 
 
-def _load_rows(connection: DuckDBPyConnection, rows: Sequence[Row], scratch: Path) -> None:
+def _load_rows(
+    connection: DuckDBPyConnection,
+    rows: Sequence[Row],
+    scratch: Path,
+    texts: Columns = frozenset(),
+) -> Columns:
+    """Append rows of runs; texts stay texts, even if they look like numbers."""
     spelt = dict(_spelt(tuple(COLUMNS)))
     for row in rows:
         for name, spelling in _spelt(tuple(row)).items():
             spelt.setdefault(name, spelling)
     columns = list(spelt.values())
+    cells = [
+        {
+            name: None if value == "" and spelt[name] in COLUMNS else value
+            for name, value in zip(_spelt(tuple(row)), row.values(), strict=True)
+        }
+        for row in rows
+    ]
     path = scratch / "records.csv"
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(range(len(columns)))  # names may have line breaks
-        for row in rows:
-            cells = dict(zip(_spelt(tuple(row)), row.values(), strict=True))
-            writer.writerow([_text(cells.get(name)) for name in spelt])
-    stage(connection, [path], columns)
-    append(connection, RECORDS, columns, COLUMNS)
+    with path.open("w", encoding="utf-8", errors="replace", newline="") as file:
+        file.write("," * (len(spelt) - 1) + "\n")  # names may have line breaks
+        for line in cells:
+            file.write(",".join(_quoted_cell(line.get(name)) for name in spelt) + "\n")
+    stage(connection, [path], columns, quoted_is_text=True)
+    types = {spelt[name]: type_of([line.get(name) for line in cells]) for name in spelt}
+    return append(
+        connection, RECORDS, columns, {**types, **COLUMNS, **_as_text(texts, RECORDS, columns)}
+    )
+
+
+def _quoted_cell(value: object) -> str:
+    """A value as a cell; None is empty, and a text without letters is `""`."""
+    if value is None:
+        return ""
+    text = str(value).lower() if isinstance(value, bool) else str(value)
+    return '"' + text.replace('"', '""') + '"'
+
+
+def _as_text(texts: Columns, table: str, columns: Iterable[str]) -> dict[str, str]:
+    return {name: "VARCHAR" for name in columns if (folded(table), folded(name)) in texts}
 
 
 @lru_cache(maxsize=64)  # most runs of a campaign have equal names
@@ -196,21 +268,24 @@ def _spelt(names: tuple[str, ...]) -> Mapping[str, str]:
     return {folded(name): name for name in column_names(names, ())}
 
 
-def _text(value: object) -> object:
-    return str(value).lower() if isinstance(value, bool) else value
-
-
 def _load_csv_files(
-    connection: DuckDBPyConnection, layout: Layout, runs: Iterable[str], scratch: Path
-) -> None:
+    connection: DuckDBPyConnection,
+    layout: Layout,
+    runs: Iterable[str],
+    scratch: Path,
+    texts: Columns,
+) -> Columns:
+    respelt: set[tuple[str, str]] = set()
     for (table, header), files in _grouped(layout, runs).items():
         columns = column_names(header)
+        fixed = KEY_TYPES | _as_text(texts, table, columns)
         for part in _parts(files):
             if part[0].stat().st_size < _SMALL:
                 stage_small(connection, layout.root, part, columns, scratch)
             else:
                 _stage_large(connection, layout.root, part, columns, scratch)
-            append(connection, table, [*KEYS, *columns], KEY_TYPES)
+            respelt |= append(connection, table, [*KEYS, *columns], fixed)
+    return respelt
 
 
 def _parts(files: Sequence[Path]) -> Iterator[Sequence[Path]]:

@@ -7,6 +7,7 @@ Rows begin with the texts `config_name` and `run_id`, which users of the existin
 
 from __future__ import annotations
 
+import math
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -22,6 +23,7 @@ from robovast.analysis.tables.csv_files import (
     read_rows,
 )
 from robovast.analysis.tables.runs import run_rows
+from robovast.analysis.tables.spelling import number_in
 from robovast.analysis.tables.staging import quoted
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import SQLITE_TABLES, Layout
@@ -40,7 +42,7 @@ _MOST_COLUMNS = 1900
 def update_sqlite(layout: Layout, versions: Mapping[str, str]) -> None:
     """Update the tables.
 
-    Numbers are stored as numbers, empty cells as NULL.
+    Cells that are numbers, as `number_in` has it, are stored as numbers, and empty cells as NULL.
 
     Args:
         layout: the campaign's layout.
@@ -159,26 +161,35 @@ def _load(
     rows = read_rows(path, len(columns))
     connection.executemany(
         f"INSERT INTO {quoted(table)} ({names}) VALUES ({places})",  # noqa: S608
-        ([*_key(run), *(row[index] or None for index in cells)] for row in rows),
+        ([*_key(run), *(_cell(row[index]) for index in cells)] for row in rows),
     )
+
+
+def _cell(text: str) -> int | float | str | None:
+    """The value of a cell: its number if the number can give back the text, else the text."""
+    number = number_in(text)
+    if isinstance(number, int):
+        return number if abs(number) < 2**63 else text
+    is_number = number is not None and not math.isnan(number)  # which SQLite stores as NULL
+    return number if is_number else text or None
 
 
 def _declared(have: list[str], table: str, columns: Sequence[str]) -> Iterator[str]:
     """Statements that add missing columns to a table; also updates `have`.
 
-    NUMERIC columns store numbers as numbers and text as text.
+    Columns have no type, since SQLite would convert `007` to 7.
     """
     known = set(map(folded, have))
     new = [name for name in columns if folded(name) not in known][
         : max(0, _MOST_COLUMNS - len(have))
     ]
     if not have:
-        listed = ", ".join(f"{quoted(name)} NUMERIC" for name in new)
+        listed = ", ".join(map(quoted, new))
         yield (
             f"CREATE TABLE {quoted(table)} (config_name TEXT, run_id TEXT, {listed}, "
             "config TEXT AS (config_name), run INTEGER AS (CAST(run_id AS INTEGER)))"
         )
         yield f"CREATE INDEX {quoted(f'{table} by run')} ON {quoted(table)} (config_name, run_id)"
     else:
-        yield from (f"ALTER TABLE {quoted(table)} ADD {quoted(name)} NUMERIC" for name in new)
+        yield from (f"ALTER TABLE {quoted(table)} ADD {quoted(name)}" for name in new)
     have += new

@@ -1,17 +1,25 @@
 """Loads CSV files into DuckDB: first as text into a table `staged`, then typed into their table.
 
-Types are inferred from all values: a single value that is not a number makes a column text.
+A column without a known type is a number only if each of its cells can be given back as written,
+and if no two of its cells are one number: `1` and `1.0` in one column are text.
 """
 
 from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from robovast.analysis.tables.csv_files import KEYS, folded, read_rows
+from robovast.analysis.tables.spelling import (
+    LARGEST_EXACT,
+    fixed_type,
+    is_double,
+    is_whole,
+    plain,
+)
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection
@@ -19,11 +27,11 @@ if TYPE_CHECKING:
 Types = dict[str, str]
 """Columns in order, with their types."""
 
-_NUMBERS = ("BIGINT", "DOUBLE")
+_WHOLE = ("BIGINT", "HUGEINT")
+_EXACT = ("BIGINT", "DOUBLE", "DOUBLE", "BOOLEAN")
+"""Types to try first; a `DOUBLE` is written with or without `.0`."""
 _AT_ONCE = 100
 """Columns that are examined at once; time grows with the square of their number."""
-_FIXED = ("BIGINT", "DOUBLE", "BOOLEAN", "VARCHAR")
-"""Types to try; the first that fits all values is used."""
 
 
 def quoted(name: str) -> str:
@@ -87,6 +95,8 @@ def stage(
     files: Sequence[Path],
     columns: Sequence[str],
     root: Path | None = None,
+    *,
+    quoted_is_text: bool = False,
 ) -> None:
     """Read CSV files as text into the table `staged`.
 
@@ -95,6 +105,7 @@ def stage(
         files: files with the same header.
         columns: names for the header's cells.
         root: folder of the runs; adds the columns `config` and `run` in front.
+        quoted_is_text: whether `""` is a text; otherwise it is NULL, as an empty cell.
 
     Raises:
         duckdb.Error: a file is damaged.
@@ -108,14 +119,15 @@ def stage(
     connection.execute(
         f"CREATE OR REPLACE TEMP TABLE staged AS SELECT {', '.join(chosen)} FROM "  # noqa: S608
         "read_csv($files, columns = $cells, header = true, auto_detect = false, delim = ',', "
-        "quote = '\"', escape = '\"', nullstr = '', filename = '_file')",
-        {"files": [str(path) for path in files], "cells": cells},
+        "quote = '\"', escape = '\"', nullstr = '', allow_quoted_nulls = $null, "
+        "filename = '_file')",
+        {"files": list(map(str, files)), "cells": cells, "null": not quoted_is_text},
     )
 
 
 def append(
     connection: DuckDBPyConnection, table: str, columns: Sequence[str], fixed: Mapping[str, str]
-) -> None:
+) -> set[tuple[str, str]]:
     """Append the staged rows to a table; create it, or extend its columns and types, as needed.
 
     Args:
@@ -123,21 +135,27 @@ def append(
         table: name of the target table.
         columns: columns of `staged`.
         fixed: known types of columns; others are inferred.
+
+    Returns:
+        Table and column, folded, where stored numbers became text that may be written differently
+        from the file, such as `5.0` for `5`. These must be read from the files again.
     """
     free = [name for name in columns if name not in fixed]
-    types = {**_found_types(connection, free), **{n: fixed[n] for n in columns if n in fixed}}
+    types = {**_found_types(connection, free), **fixed}
     there = {folded(name): (name, columns) for name, columns in tables_of(connection).items()}
     table, have = there.get(folded(table), (table, None))
     wanted = {name: types[name] for name in columns}
+    respelt: set[str] = set()
     if have is None:
         listed = ", ".join(f"{quoted(name)} {type_}" for name, type_ in wanted.items())
         connection.execute(f"CREATE TABLE {quoted(table)} ({listed})")
     else:
-        wanted = _widened(connection, table, have, wanted)
+        wanted, respelt = _widened(connection, table, have, wanted)
     casts = ", ".join(
         f"TRY_CAST({quoted(name)} AS {type_}) AS {quoted(name)}" for name, type_ in wanted.items()
     )
     connection.execute(f"INSERT INTO {quoted(table)} BY NAME SELECT {casts} FROM staged")  # noqa: S608
+    return {(folded(table), name) for name in respelt}
 
 
 def _found_types(connection: DuckDBPyConnection, columns: Sequence[str]) -> Types:
@@ -148,44 +166,91 @@ def _found_types(connection: DuckDBPyConnection, columns: Sequence[str]) -> Type
 
 
 def _types_of(connection: DuckDBPyConnection, columns: Sequence[str]) -> Types:
-    checks = []
-    for name in map(quoted, columns):
-        whole = f"coalesce(TRY_CAST({name} AS BIGINT) = TRY_CAST({name} AS DOUBLE), false)"
-        checks += [
-            f"coalesce(bool_and({name} IS NULL OR ({whole} AND NOT contains({name}, '.'))), true)",
-            f"coalesce(bool_and({name} IS NULL OR TRY_CAST({name} AS DOUBLE) IS NOT NULL), true)",
-            f"coalesce(bool_and({name} IS NULL OR lower({name}) IN ('true', 'false')), true)",
-        ]
-    row = connection.execute(f"SELECT {', '.join(checks)} FROM staged").fetchone() or ()  # noqa: S608
-    triples = zip(row[0::3], row[1::3], row[2::3], strict=True)
-    return {
-        name: next(t for t, fits in zip(_FIXED, (*triple, True), strict=True) if fits)
-        for name, triple in zip(columns, triples, strict=True)
-    }
+    checks = [check for name in columns for check in _exact(quoted(name))]
+    row = _one_row(connection, checks)
+    found = {}
+    for place, name in enumerate(columns):
+        *exact, is_number = row[5 * place : 5 * place + 5]
+        types = [type_ for type_, fits in zip(_EXACT, exact, strict=True) if fits]
+        found[name] = types[0] if types else "VARCHAR"
+        if not types and is_number:
+            found[name] = _number_type(connection, quoted(name))
+    return found
+
+
+def _exact(cell: str) -> Iterator[str]:
+    """SQL conditions: a column is of each of the types `_EXACT`, and all cells may be numbers."""
+    whole, value = f"TRY_CAST({cell} AS BIGINT)", f"TRY_CAST({cell} AS DOUBLE)"
+    yield f"coalesce(bool_and({whole}::VARCHAR IS NOT DISTINCT FROM {cell}), true)"
+    yield f"bool_and({cell} IS NULL OR coalesce({value}::VARCHAR = {cell}, false))"
+    yield f"bool_and({cell} IS NULL OR coalesce({plain(value)} = {cell}, false))"
+    yield f"bool_and({cell} IN ('true', 'false')) OR bool_and({cell} IN ('True', 'False'))"
+    yield f"bool_and({cell} IS NULL OR {value} IS NOT NULL)"
+
+
+def _number_type(connection: DuckDBPyConnection, cell: str) -> str:
+    """The type of a column whose numbers are written in other ways than the shortest."""
+    whole = f"bool_and({cell} IS NULL OR {is_whole(cell)})"
+    is_hugeint, fixed = _one_row(connection, (whole, fixed_type(cell)))
+    if is_hugeint or fixed:
+        return fixed or "HUGEINT"
+    double = f"bool_and({cell} IS NULL OR {is_double(cell)})"
+    differ = f"count(DISTINCT {cell}) = count(DISTINCT TRY_CAST({cell} AS DOUBLE))"
+    is_number = all(_one_row(connection, (check,))[0] for check in (double, differ))
+    return "DOUBLE" if is_number else "VARCHAR"
+
+
+def _one_row(connection: DuckDBPyConnection, checks: Iterable[str]) -> tuple[Any, ...]:
+    return connection.execute(f"SELECT {', '.join(checks)} FROM staged").fetchone() or ()  # noqa: S608
 
 
 def wider(one: str, other: str) -> str:
     """The type that can store the values of both types."""
     if one == other:
         return one
-    return "DOUBLE" if one in _NUMBERS and other in _NUMBERS else "VARCHAR"
+    if one in _WHOLE and other in _WHOLE:
+        return "HUGEINT"
+    return "DOUBLE" if {one, other} == {"BIGINT", "DOUBLE"} else "VARCHAR"
 
 
 def _widened(
     connection: DuckDBPyConnection, table: str, have: Types, wanted: Mapping[str, str]
-) -> Types:
-    """Add missing columns and widen types of a table; return the resulting types."""
+) -> tuple[Types, set[str]]:
+    """Add missing columns and widen types of a table.
+
+    Returns:
+        The resulting types, and the folded columns whose numbers may be written differently.
+    """
     columns = {folded(name): name for name in have}
     found: Types = {}
+    respelt = set()
     for name, type_ in wanted.items():
         column = columns.get(folded(name))
         if column is None:
             connection.execute(f"ALTER TABLE {quoted(table)} ADD COLUMN {quoted(name)} {type_}")
             found[name] = type_
             continue
-        found[name] = wider(have[column], type_)
-        if found[name] != have[column]:
+        before = have[column]
+        found[name] = _joint(connection, (table, column, before), ("staged", name, type_))
+        if found[name] != before:
             connection.execute(
                 f"ALTER TABLE {quoted(table)} ALTER COLUMN {quoted(column)} TYPE {found[name]}"
             )
-    return found
+            if found[name] == "VARCHAR" and before not in _WHOLE:
+                respelt.add(folded(name))
+    return found, respelt
+
+
+def _joint(connection: DuckDBPyConnection, *columns: tuple[str, str, str]) -> str:
+    """The type that can store the values of two columns, given as table, column and type."""
+    types = [type_ for *_, type_ in columns]
+    for (table, column, type_), other in zip(columns, reversed(types), strict=True):
+        if type_ in _WHOLE and type_ != other:
+            largest = connection.execute(
+                f"SELECT max(abs({quoted(column)}::HUGEINT)) FROM {quoted(table)}"  # noqa: S608
+            ).fetchone()
+            if largest in (None, (None,)):  # no value at all
+                return other
+            if other == "DOUBLE" and largest > (LARGEST_EXACT,):
+                return "VARCHAR"
+    return wider(*types)
