@@ -20,6 +20,8 @@ interface Entry {
   image: string;
   /** What is different from the entry before. */
   changes: string[];
+  /** The same as a text, also if nothing changed; empty for the first entry. */
+  changed: string;
 }
 
 interface History {
@@ -70,14 +72,11 @@ function useHistory(campaign: string, variant: string) {
 }
 
 function Dot({ entry, current }: { entry: Entry; current: boolean }) {
-  const { campaign, name, changes, rate } = entry;
-  const changed = changes.length > 0 && `${changes.join(", ")} changed`;
-  const label = [campaign, outcome(entry), changed].filter(Boolean).join("; ");
+  const { campaign, name, changes, changed, rate } = entry;
+  const label = [campaign, outcome(entry), changed && `changed: ${changed}`].filter(Boolean).join("; ");
   return (
-    <li class={changed ? "changed" : undefined} title={label}>
-      {changes.map((one) => (
-        <small key={one}>{one}</small>
-      ))}
+    <li class={changes.length > 0 ? "changed" : undefined} title={label}>
+      {changes.length > 0 && <small>{changed}</small>}
       <a
         class={`dot ${rate.rate > 0 ? "bad" : ""}`}
         style={{ "--share": `${100 * rate.rate}%` }}
@@ -106,7 +105,7 @@ function valueOf(entry: Entry, column: string): unknown {
     case "interval":
       return entry.rate.rate;
     case "changed":
-      return entry.changes.join(", ");
+      return entry.changed;
     case "campaign":
       return `${entry.campaign}/${entry.name}`;
     default:
@@ -129,7 +128,7 @@ function Table({ entries, name }: { entries: Entry[]; name: string }) {
     { id: "started", label: "Started", cell: (row) => moment(of(row).started_at) },
     { id: "outcome", label: "Outcome", cell: (row) => outcome(of(row)) },
     { id: "interval", label: "95 % interval", cell: (row) => intervalText(of(row).rate.interval) },
-    { id: "changed", label: "Changed", cell: (row) => of(row).changes.join(", ") },
+    { id: "changed", label: "Changed", cell: (row) => <span title={of(row).changes.join(", ")}>{of(row).changed}</span> },
     { id: "reason", label: "Reason", cell: (row) => <span title={of(row).reason}>{of(row).reason}</span> },
     { id: "image", label: "Image", cell: (row) => of(row).image },
     { id: "campaign", label: "Campaign", cell: (row) => `${of(row).campaign}/${of(row).name}` },

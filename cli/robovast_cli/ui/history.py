@@ -54,7 +54,7 @@ def _row(entry: HistoryEntry) -> list[str]:
         f"{rate.failed + rate.errored} of {rate.runs}",
         "–" if rate.rate is None else percent(rate.rate),
         interval_text(rate.interval),
-        ", ".join(entry.changes),
+        shortened(entry.changed, WIDEST_REASON),
         f"{entry.campaign}/{entry.name}",
         shortened(entry.reason, WIDEST_REASON),
     ]

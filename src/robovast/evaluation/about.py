@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from robovast.campaign.layout import EXECUTION_RECORD
 from robovast.campaign.planned_runs import MORE_RUNS, RUNS
 from robovast.evaluation.bounds import Bound
 from robovast.evaluation.files import list_files
-from robovast.evaluation.inside import read_small
+from robovast.evaluation.inside import open_inside, read_small, resolved
 from robovast.evaluation.untrusted import LONGEST, mapping, parse_yaml, read_yaml
 from robovast.model.naming import CONFIG
 
@@ -85,9 +87,40 @@ def about(results: Path, campaign: str) -> About:
 
 def read_document(results: Path, campaign: str) -> tuple[str, Mapping[str, Any]]:
     """Name and content of a campaign's .vast file; both are empty where there is none."""
-    name = next((file for file in _files(results, campaign) if _is_document(file)), "")
+    try:
+        files = [entry.name for entry in list_files(results, f"{campaign}/{CONFIG}")]
+    except InputError:
+        files = []
+    name = next(filter(_is_document, files), "")
     content = _content(results, campaign, name) if name else None
     return name, mapping(parse_yaml(content or b""))
+
+
+def digests(results: Path, folder: str) -> dict[str, str]:
+    """A digest of each file of a folder below the results folder, by its path in that folder.
+
+    Files that cannot be read have an empty digest; a missing folder has no files.
+    """
+    try:
+        names = [entry.name for entry in list_files(results, folder)]
+    except InputError:
+        return {}
+    return {name: _digest(results, f"{folder}/{name}") for name in names}
+
+
+def _digest(results: Path, path: str) -> str:
+    try:
+        status = resolved(results, path).stat()
+        return _digest_of(results, path, status.st_size, status.st_mtime_ns)
+    except (InputError, OSError):
+        return ""
+
+
+@lru_cache(maxsize=16384)
+def _digest_of(results: Path, path: str, *_: int) -> str:
+    """The digest of a file; size and time of its last change tell its versions apart."""
+    with open_inside(results, path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def changes(before: Place, after: Place) -> list[Change]:
@@ -106,13 +139,13 @@ def _circumstances(before: Place, after: Place) -> Iterator[Change]:
 
 
 def _changed_files(before: Place, after: Place) -> Iterator[Change]:
-    one, other = _files(*before), _files(*after)
+    one, other = (digests(results, f"{name}/{CONFIG}") for results, name in (before, after))
     bound = Bound(_SECONDS)
     for name in sorted({**one, **other}, key=lambda name: (not _is_document(name), name)):
+        if one.get(name) == other.get(name):
+            continue
         old = _content(*before, name) if name in one else b""
         new = _content(*after, name) if name in other else b""
-        if old == new and one.get(name) == other.get(name):
-            continue
         kind = "added" if name not in one else "removed" if name not in other else "changed"
         lines = [] if bound.late() else _diff(old, new)
         yield Change(name, kind, lines[:MOST_LINES], max(0, len(lines) - MOST_LINES))
@@ -128,15 +161,6 @@ def _diff(old: bytes | None, new: bytes | None) -> list[str]:
         return []
     found = difflib.unified_diff(one, other, lineterm="", n=1)
     return [line[:LONGEST] for line in found][2:]
-
-
-def _files(results: Path, campaign: str) -> dict[str, int]:
-    """Sizes [bytes] of the files of `_config`."""
-    try:
-        found = list_files(results, f"{campaign}/{CONFIG}")
-    except InputError:
-        return {}
-    return {entry.name: entry.size for entry in found}
 
 
 def _is_document(name: str) -> bool:

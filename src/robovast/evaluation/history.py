@@ -17,10 +17,10 @@ from typing import Any
 from robovast.base.serialization import fingerprint
 from robovast.base.statistics import anytime, wilson
 from robovast.campaign.decisions import recorded_test
-from robovast.campaign.layout import EXECUTION_RECORD
+from robovast.campaign.layout import EXECUTION_RECORD, SCENARIO_CONFIG, VARIANT_RECORD
 from robovast.campaign.planned_runs import is_fixed, planned_runs
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.about import about
+from robovast.evaluation.about import digests, read_document
 from robovast.evaluation.campaigns import find_campaigns, is_search
 from robovast.evaluation.configuration_index import ConfigurationIndex
 from robovast.evaluation.inside import MissingError
@@ -28,10 +28,11 @@ from robovast.evaluation.rates import Rate, rate_of
 from robovast.evaluation.run import run_record
 from robovast.evaluation.stored_runs import read_variant, seconds
 from robovast.evaluation.summaries import VariantRuns
-from robovast.evaluation.untrusted import read_yaml
+from robovast.evaluation.untrusted import mapping, read_yaml
+from robovast.model.naming import CONFIG
 
-IMAGE, SCENARIO, DOCUMENT = "image", "scenario", ".vast"
-"""What is marked if it changed."""
+MOST_NAMED = 4
+"""Changes that are named in a text."""
 
 Progress = Callable[[str, int, int], None]
 """Takes a campaign's name, its place, and the number of campaigns."""
@@ -51,7 +52,10 @@ class HistoryEntry:
     """The most frequent reason of its bad runs."""
     image: str
     changes: tuple[str, ...]
-    """What is different from the entry before: image, scenario or .vast."""
+    """What is different from the entry before: `image`, `environment`, `RoboVAST`, `seed`,
+    `parameters`, `scenario`, `.vast`, and paths of other files."""
+    changed: str
+    """The same for people; it also states that nothing changed. Empty for the first entry."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class History:
 class _Found:
     entry: HistoryEntry
     inputs: Mapping[str, str]
-    """Image, scenario and document, by the label that marks a change."""
+    """All that is recorded of what was run, by the label that marks a change."""
 
 
 def history(
@@ -164,9 +168,8 @@ def _found(results: Path, campaign: str, variant: VariantRuns) -> _Found | None:
     begins = [run.started_at for run in variant.runs if run.started_at is not None]
     started = seconds(execution.get("execution_time"))
     bad = [run.reason for run in variant.runs if run.verdict in (Verdict.FAILED, Verdict.ERRORED)]
-    image, digest = _image(results, f"{campaign}/{variant.name}/{variant.runs[0].number}")
-    sources = [source.text for source in about(results, campaign).sources]
-    document, scenario = (*sources, "", "")[:2]
+    record = run_record(results, f"{campaign}/{variant.name}/{variant.runs[0].number}")
+    image = str(record.get("image") or "")
     entry = HistoryEntry(
         campaign=campaign,
         name=variant.name,
@@ -175,21 +178,46 @@ def _found(results: Path, campaign: str, variant: VariantRuns) -> _Found | None:
         reason=Counter(bad).most_common(1)[0][0] if bad else "",
         image=image,
         changes=(),
+        changed="",
     )
-    return _Found(entry, {IMAGE: digest or image, SCENARIO: scenario, DOCUMENT: document})
+    known = {
+        "image": record.get("image_digest") or image,
+        "environment": [record.get("runtime"), execution.get("env")],
+        "RoboVAST": execution.get("robovast_version"),
+        "seed": variant.runs[0].seed,
+        "parameters": [variant.parameters, variant.stated],
+    }
+    inputs = {label: fingerprint(value) for label, value in known.items()}
+    return _Found(entry, inputs | _files(results, campaign, variant.name))
 
 
-def _image(results: Path, run: str) -> tuple[str, str]:
-    """Name and digest of the image that executed a run."""
-    record = run_record(results, run)
-    return str(record.get("image") or ""), str(record.get("image_digest") or "")
+def _files(results: Path, campaign: str, variant: str) -> dict[str, str]:
+    """Digests of the files of a campaign and of a configuration: those that its runs used."""
+    name, document = read_document(results, campaign)
+    scenario = str(mapping(document.get("execution")).get("scenario_file", ""))
+    labels = {scenario: "scenario", name: ".vast"}
+    own = digests(results, f"{campaign}/{variant}/{CONFIG}")
+    for record in (VARIANT_RECORD, SCENARIO_CONFIG):  # made of the others
+        own.pop(record.rpartition("/")[2], None)
+    found = {**own, **digests(results, f"{campaign}/{CONFIG}")}
+    ordered = sorted(found, key=lambda path: (path not in labels, path == name, path))
+    return {labels.get(path, path): found[path] for path in ordered}
 
 
 def _with_changes(found: Sequence[_Found]) -> Iterator[HistoryEntry]:
     """Entries by date, each with what is different from the one before."""
     ordered = sorted(found, key=lambda one: (one.entry.started_at or 0.0, one.entry.campaign))
     before = ordered[0].inputs if ordered else {}
-    for one in ordered:
-        changed = [key for key, value in one.inputs.items() if value != before[key]]
-        yield replace(one.entry, changes=tuple(changed))
+    for place, one in enumerate(ordered):
+        labels = dict.fromkeys([*one.inputs, *before])
+        changed = [key for key in labels if one.inputs.get(key) != before.get(key)]
+        text = _changed(changed) if place else ""
+        yield replace(one.entry, changes=tuple(changed), changed=text)
         before = one.inputs
+
+
+def _changed(changes: Sequence[str]) -> str:
+    if not changes:
+        return "nothing recorded changed"
+    more = f" and {len(changes) - MOST_NAMED} more" if len(changes) > MOST_NAMED else ""
+    return ", ".join(changes[:MOST_NAMED]) + more

@@ -134,7 +134,8 @@ class CampaignTools:
     def get_configuration_history(self, campaign: str, configuration: str) -> Any:
         """Get how often a configuration failed in each campaign, the oldest first.
 
-        `changes` says whether image, scenario or .vast file are others than in the campaign before.
+        `changes` lists which inputs differ from the campaign before: image, environment, RoboVAST
+        version, seed, parameters, scenario, .vast file, and paths of other files.
         A configuration is recognized by its parameters. With `pending`, ask again: so many
         campaigns could not be searched in time.
         """

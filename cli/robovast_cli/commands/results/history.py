@@ -36,8 +36,9 @@ def history(
     results_dir: ResultsDir = None,
     output: ReportFormat = "text",
 ) -> None:
-    """Say how often a configuration failed in each campaign of the results folder, the oldest
-    first, and where the image, the scenario or the .vast file was another one than before.
+    """List how often a configuration failed in each campaign of the results folder, the oldest
+    first, and which inputs changed: image, environment, RoboVAST version, seed, parameters,
+    scenario, .vast file, and all other files of the campaign and the configuration.
 
     A configuration is recognized by its parameters, whatever its name; by its name if it has none.
     """
