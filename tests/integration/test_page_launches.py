@@ -88,7 +88,7 @@ def test_what_a_document_expands_to_is_shown_before(page: ShownPage, project: Pa
     }
 
 
-def test_a_campaign_is_run_watched_and_one_run_of_it_repeated(page: ShownPage) -> None:
+def test_a_campaign_is_run_watched_and_given_more_runs(page: ShownPage) -> None:
     launch = start(page, config="one-[12]", runs="1", jobs="2").data
     assert "'--config=one-[12]' --runs=1 --jobs=2 --runtime=process" in launch["command"]
     end, lines = ended(page)
@@ -97,12 +97,7 @@ def test_a_campaign_is_run_watched_and_one_run_of_it_repeated(page: ShownPage) -
     (name,) = page.get("api/campaigns").data["campaigns"]
     assert f"Results: results/{name}" in lines
 
-    again = page.post(f"api/repeat?campaign={name}&variant=one-2&run=0").data
-    assert "--config=one-2 --runs=1 --runtime=process" in again["command"]
-    end, lines = ended(page)  # as a page does that is loaded again
-    assert (end["number"], end["code"]) == (launch["number"] + 1, 1)
-    assert "1 run: 1 failed." in lines
-    assert len(page.get("api/campaigns").data["campaigns"]) == 2
+    assert (end["campaign"], end["makes"], end["run"], end["error"]) == ("", name, "", "")
 
     asked = f"campaigns/{name}/more?config=one-1&config=one-2"
     more = page.get(f"api/{asked}").data
@@ -118,6 +113,68 @@ def test_a_campaign_is_run_watched_and_one_run_of_it_repeated(page: ShownPage) -
     assert page.get(f"api/{asked}").data["planned"] == 3
     for wrong in ("config=two-1&runs=3", "config=one-2", "config=--output=x&runs=3"):
         assert page.post(f"api/more?campaign={name}&{wrong}").status == 404
+
+
+def test_the_run_that_is_shown_is_reproduced_and_compared(tmp_path: Path) -> None:
+    """The third run, whose seed is another one than that of the first."""
+    script = 'echo "$ROBOVAST_SEED" > "$3/seed.csv"; exit $((ROBOVAST_SEED % 2))\n'
+    make_campaign(tmp_path / "in", script, "  seed: 7\n")
+    with started_in(tmp_path, "-o", "in/test.vast") as page:
+        start(page, config="one-1", runs="6")
+        first, _ = ended(page)
+        name = first["makes"]
+        for number in (2, 5):
+            run = f"one-1/{number}"
+            before = page.get(f"api/campaigns/{name}/{run}").data
+            assert before["details"]["replay"] is None
+            page.post(f"api/repeat?campaign={name}&variant=one-1&run={number}")
+            end, lines = ended(page)
+            assert f"$ {end['command']}" == f"$ {before['details']['command']}"
+            assert (end["campaign"], end["run"], end["code"]) == (name, run, 0)
+            assert end["makes"].startswith("test-campaign-replay-")
+            assert end["makes"] != name
+            after = page.get(f"api/campaigns/{end['makes']}/{run}").data
+            for key in ("seed", "verdict", "runtime", "image", "parameters"):
+                assert after["details"]["record"][key] == before["details"]["record"][key]
+            seed, verdict = (before["details"]["record"][key] for key in ("seed", "verdict"))
+            said = f"{run} (seed {seed}): same verdict ({verdict}), same seed.csv."
+            assert after["details"]["replay"] == {
+                "of": f"{name}/{run}",
+                "stored": True,
+                "same": True,
+                "text": said,
+            }
+            assert said in lines
+
+
+def test_a_replay_that_is_refused_says_why(tmp_path: Path) -> None:
+    make_campaign(tmp_path / "in", FAIL_SECOND)
+    with started_in(tmp_path, "-o", "in/test.vast") as page:
+        start(page, config="one-1")
+        name = ended(page)[0]["makes"]
+        (tmp_path / "results" / name / "_transient" / "configurations.yaml").unlink()
+        page.post(f"api/repeat?campaign={name}&variant=one-1&run=0")
+        end, lines = ended(page)
+        assert (end["code"], end["makes"]) == (2, "")
+        assert end["error"].startswith("error: ")
+        assert "configurations.yaml" in end["error"]
+        assert set(end["error"].splitlines()) <= set(lines)
+
+
+def test_a_launch_has_its_own_campaign_although_its_output_names_others(tmp_path: Path) -> None:
+    """Postprocessing names all campaigns, a newer one included."""
+    make_campaign(tmp_path / "in", 'printf "a\\n1\\n" > "$3/numbers.csv"\n')
+    with started_in(tmp_path, "-o", "in/test.vast", postprocess=True) as page:
+        made = []
+        for _ in range(2):
+            start(page, config="one-1", runs="1")
+            made.append(ended(page)[0]["makes"])
+        assert sorted(made) == sorted(page.get("api/campaigns").data["campaigns"])
+        more = page.post(f"api/more?campaign={made[0]}&config=one-1&runs=2").data
+        assert more["makes"] == made[0]
+        end, lines = ended(page)
+        assert end["makes"] == made[0]
+        assert any(made[1] in line for line in lines)
 
 
 @pytest.mark.parametrize("pattern", ["--output=/etc", "one-1 --runs=9", "$(id)"])

@@ -134,6 +134,8 @@ export type Sibling = [number, Verdict, number | null];
 
 /** A run, and all runs of its configuration. */
 export interface RunAnswer {
+  /** Of the campaign. */
+  version: number;
   details: RunDetails;
   siblings: Sibling[];
   /** Null while the run is not in the list yet. */
@@ -162,6 +164,18 @@ export interface RunDetails {
   command: string;
   on_map: boolean;
   failure: string;
+  /** If the run is a replay: how it compares with the run that it repeats. */
+  replay: Replay | null;
+}
+
+export interface Replay {
+  /** The run that it repeats, `campaign/variant/number`. */
+  of: string;
+  /** Whether that run is in the results folder. */
+  stored: boolean;
+  /** Null if they were not compared. */
+  same: boolean | null;
+  text: string;
 }
 
 export interface LogPage {
@@ -246,10 +260,16 @@ export interface Launch {
   command: string;
   /** The campaign on whose page it was started; empty for one of the document. */
   campaign: string;
+  /** The campaign whose runs it executes; empty until it exists. */
+  makes: string;
+  /** If it reproduces a run: `variant/number`. */
+  run: string;
   started: number;
   ended: number | null;
   code: number | null;
   stopping: boolean;
+  /** Why it failed, if it reported an error. */
+  error: string;
 }
 
 export interface NotebookResult {

@@ -11,7 +11,7 @@ import { Grid } from "./grid";
 import { useAnswer, type Versions } from "./live";
 import { Sources, useAbout } from "./about";
 import { StartedOn } from "./launched";
-import { Effects, isInCell, useAxes, type Axes } from "./factors";
+import { AxesNote, Effects, isInCell, useAxes, type Axes } from "./factors";
 import { Matrix } from "./matrix";
 import { Chooser, useMeasure } from "./measure";
 import { MixedList } from "./mixed";
@@ -139,6 +139,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
       show: () => (
         <div class="beside">
           <div>
+            <AxesNote axes={axes} />
             <Matrix
               {...{ data, axes, measure, chosen: cell, isBad: isCause }}
               runs={rated}

@@ -65,7 +65,7 @@ interface ResultProps {
 function Result({ data, later, a, b, query }: ResultProps) {
   const sort = query.get("sort") ?? "";
   const cell = query.get("cell") ?? "";
-  const axes = useAxes(later, query);
+  const axes = useAxes(later, query, a);
   const rows = useMemo(() => {
     const places = new Map(later.variants.name.map((name, place) => [name, place]));
     const isShown = (row: number) => isInCell(axes, cell, places.get(data.variants[row]!.name_b)!);

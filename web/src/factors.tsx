@@ -27,13 +27,17 @@ export interface Axes {
   ready: boolean;
 }
 
-export function useAxes(data: Columns, query: URLSearchParams): Axes {
+/** The usual axes of `data` are those of the campaign `of`, which a comparison begins with. */
+export function useAxes(data: Columns, query: URLSearchParams, of = data.summary.name): Axes {
   const { data: explained, error } = useAnswer<Explained>(
-    address(["campaigns", data.summary.name, "factors"]),
-    (answer, versions) => (versions[data.summary.name] ?? answer.version) !== answer.version,
+    address(["campaigns", of, "factors"]),
+    (answer, versions) => (versions[of] ?? answer.version) !== answer.version,
   );
   const usual = useUsual(data, explained);
-  const names = useMemo(() => (explained?.factors.length ? explained.factors : factors(data)), [data, explained]);
+  const names = useMemo(() => {
+    const known = explained?.factors.filter((name) => name in data.variants.values);
+    return known?.length ? known : factors(data);
+  }, [data, explained]);
   const x = axisName(query.get("x"), usual?.[0] ?? (error ? names[0] : ""));
   const y = axisName(query.get("y"), usual?.[1] ?? (error ? names[1] : ""));
   const across = useMemo(() => axis(data, x), [data, x]);
@@ -48,8 +52,21 @@ function useUsual(data: Columns, explained: Explained | null): string[] | null {
   const { name, state } = data.summary;
   const kept = useRef({ name: "", axes: [] as string[] });
   if (!explained) return null;
-  if (state !== "running" || kept.current.name !== name) kept.current = { name, axes: explained.axes };
+  if (state !== "running" || kept.current.name !== name) {
+    const axes = explained.axes.filter((one) => one in data.variants.values);
+    kept.current = { name, axes: inShownOrder(axes) };
+  }
   return kept.current.axes;
+}
+
+/** Axes by their names in any order, as this tab showed them first. */
+const shownAxes = new Map<string, string[]>();
+
+/** The same two axes stay where they are, whichever separates the failures of a campaign better. */
+function inShownOrder(axes: string[]): string[] {
+  const key = JSON.stringify([...axes].sort());
+  if (!shownAxes.has(key)) shownAxes.set(key, axes);
+  return shownAxes.get(key)!;
 }
 
 /** `-` stands for no factor, nothing for the usual one. */
@@ -81,7 +98,9 @@ export function isInCell({ across, down, ready }: Axes, cell: string, variant: n
 /** Why the matrix begins with its axes; nothing where others were chosen. */
 export function AxesNote({ axes }: { axes: Axes }) {
   const { explained, x, y } = axes;
-  if (!explained || !x || explained.axes[0] !== x || (explained.axes[1] ?? "") !== y) return null;
+  if (!explained || !x) return null;
+  const usual = explained.axes.length === (y ? 2 : 1) && [x, y].every((name) => !name || explained.axes.includes(name));
+  if (!usual) return null;
   return <p class="quiet note">{noteOf(explained)}</p>;
 }
 

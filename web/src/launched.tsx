@@ -1,9 +1,9 @@
 // What was started from here: that it runs, how far it is, what it prints, and how to stop it.
 import { useEffect, useRef, useState } from "preact/hooks";
-import { address, post, type Campaigns, type Launch } from "./api";
+import { address, post, type Campaigns, type Launch, type Replay, type RunAnswer } from "./api";
 import { isStale } from "./campaigns";
 import { duration, moment } from "./format";
-import { isRunning, tellLaunch, useAnswer, useLaunch, type Launched } from "./live";
+import { dismissLaunch, isRunning, tellLaunch, useAnswer, useLaunch, type Launched } from "./live";
 import { useEnd } from "./log";
 import { Export, State, VerdictBar } from "./parts";
 import { link } from "./route";
@@ -20,6 +20,12 @@ const OUTCOMES: Record<number, string> = {
 
 /** Number of what was started in this tab and is to be brought into sight. */
 let sought = 0;
+
+/** Of a launch that reproduces a run. */
+const REPLAY_OUTCOMES: Record<number, string> = {
+  0: "The run ended as before.",
+  1: "The run ended with another result.",
+};
 
 /** What starts something, whether that must wait, and why it was refused. */
 export function useStarter(): { start: (url: string) => void; busy: boolean; refusal: string } {
@@ -63,9 +69,10 @@ interface ProgressProps {
 /** The campaign that was started from here the last time. */
 export function Progress({ launched, here, counted }: ProgressProps) {
   const { launch, lines } = launched;
+  const { makes: name, run } = launch;
   const { data } = useAnswer<Campaigns>(address(["campaigns"]), isStale);
-  const name = Object.keys(data?.campaigns ?? {}).find((one) => lines.some((line) => line.includes(one)));
   const summary = name && data?.campaigns[name];
+  const shownAt = link(["campaign", name, ...(run ? run.split("/") : [])]);
   const running = launch.ended === null;
   const place = useRef<HTMLElement>(null);
   useEffect(() => {
@@ -76,7 +83,8 @@ export function Progress({ launched, here, counted }: ProgressProps) {
   return (
     <section class="launch" aria-label="The campaign that was started here" ref={place}>
       <h2>
-        {!name && "The campaign"}
+        {run && `${run} again${name && ": "}`}
+        {!name && !run && "The campaign"}
         {name && (name === here ? "Further runs" : <a href={link(["campaign", name])}>{name}</a>)}{" "}
         {running && <State state="running" />}
       </h2>
@@ -93,14 +101,38 @@ export function Progress({ launched, here, counted }: ProgressProps) {
           {launch.ended !== null && `, took ${duration(launch.ended - launch.started)}`}
         </span>
         {name && name !== here && !running && (
-          <a class="button" href={link(["campaign", name])}>
-            Show its runs
+          <a class="button" href={shownAt}>
+            {run ? "Show the run" : "Show its runs"}
           </a>
         )}
         <Export name="output" rows={() => [["line"], ...lines.map((line) => [line])]} />
+        {!running && (
+          <button type="button" onClick={() => dismissLaunch(launch)}>
+            Dismiss
+          </button>
+        )}
       </p>
+      <Refusal text={launch.error.replace(/^error: /, "")} />
+      {run && name && !running && <Reproduced campaign={name} run={run} />}
       <Output launched={launched} />
     </section>
+  );
+}
+
+/** How a run that was reproduced compares with the original. */
+function Reproduced({ campaign, run }: { campaign: string; run: string }) {
+  const { data } = useAnswer<RunAnswer>(address(["campaigns", campaign, ...run.split("/")]));
+  return data?.details.replay && <ReplayText replay={data.details.replay} />;
+}
+
+/** The comparison of a replay with the run that it repeats, which it links to. */
+export function ReplayText({ replay: { of, stored, same, text } }: { replay: Replay }) {
+  return (
+    <p class={`replay ${same === false ? "error" : ""}`} aria-label="Comparison with the original">
+      Replay of {stored ? <a href={link(["campaign", ...of.split("/")])}>{of}</a> : of}
+      {text ? ": " : ", not compared with it."}
+      <span class="lines">{text}</span>
+    </p>
   );
 }
 
@@ -117,7 +149,7 @@ function Output({ launched: { launch, first, lines } }: { launched: Launched }) 
             <span class="said">$ {launch.command}</span>
           </li>
           {lines.map((line, place) => (
-            <li key={first + place} class={level(line)}>
+            <li key={first + place} class={launch.error.split("\n").includes(line) ? "error" : undefined}>
               <span class="said">{line}</span>
             </li>
           ))}
@@ -127,13 +159,8 @@ function Output({ launched: { launch, first, lines } }: { launched: Launched }) 
   );
 }
 
-function outcome({ ended, code, stopping }: Launch): string {
+function outcome({ ended, code, stopping, run }: Launch): string {
   if (ended === null && code !== null) return "The runs have ended; tables are being made.";
   if (ended === null) return stopping ? "It is being stopped: running scenarios end first." : "It is running.";
-  return OUTCOMES[code ?? 0] ?? `It broke off (exit code ${code}).`;
-}
-
-function level(line: string): string {
-  if (/^error: |\] failed /.test(line)) return "error";
-  return /^WARNING: |\] (errored|interrupted) /.test(line) ? "warn" : "";
+  return (run && REPLAY_OUTCOMES[code ?? 0]) || (OUTCOMES[code ?? 0] ?? `It broke off (exit code ${code}).`);
 }

@@ -25,9 +25,13 @@ export interface Prepared {
 /** Lines that are kept, as many as the server keeps. */
 const MOST_LINES = 1000;
 
+const DISMISSED = "dismissed launch";
+
 const listeners = new Set<() => void>();
 let versions: Versions = {};
 let launched: Launched | null = null;
+/** When the launch was started that is shown no more. */
+let dismissed = readDismissed();
 let prepared: Prepared | null = null;
 let awaited = false;
 let source: EventSource | null = null;
@@ -99,9 +103,28 @@ export function useConnected(): boolean {
   return useLatest(() => connected);
 }
 
-/** The campaign that was started from here the last time. */
+/** The campaign that was started from here the last time, unless it was dismissed. */
 export function useLaunch(): Launched | null {
-  return useLatest(() => launched);
+  return useLatest(() => (launched && String(launched.launch.started) === dismissed ? null : launched));
+}
+
+/** Show what was started from here no more in this tab. */
+export function dismissLaunch({ started }: Launch): void {
+  dismissed = String(started);
+  try {
+    sessionStorage.setItem(DISMISSED, dismissed);
+  } catch {
+    // A browser may refuse to remember.
+  }
+  listeners.forEach((tell) => tell());
+}
+
+function readDismissed(): string {
+  try {
+    return sessionStorage.getItem(DISMISSED) ?? "";
+  } catch {
+    return "";
+  }
 }
 
 /** Tables that are made, or were made since the page was opened. */

@@ -3,7 +3,7 @@ import type { ComponentChildren } from "preact";
 import { useMemo } from "preact/hooks";
 import type { Columns } from "./api";
 import { cells, show, titled, type Cell, type Run, type Shown } from "./data";
-import { AxesNote, type Axes } from "./factors";
+import type { Axes } from "./factors";
 import { percent, plural } from "./format";
 import { Export, Select, Waiting } from "./parts";
 import { anytime, intervalText, wilson, type Interval } from "./rates";
@@ -52,7 +52,6 @@ export function Matrix(props: MatrixProps) {
   if (!ready) return <Waiting error={null} />;
   return (
     <>
-      <AxesNote axes={props.axes} />
       <div class="tools">
         <Select label="Across" value={x} options={options} onChoose={(v) => choose({ x: v || "-", cell: "" })} />
         <Select label="Down" value={y} options={options} onChoose={(v) => choose({ y: v || "-", cell: "" })} />

@@ -1,6 +1,6 @@
 // One run: its verdict and why, and all that it left behind.
 import type { ComponentChildren } from "preact";
-import { useMemo } from "preact/hooks";
+import { useMemo, useRef } from "preact/hooks";
 import {
   address,
   fileAddress,
@@ -13,8 +13,8 @@ import {
 } from "./api";
 import { show } from "./data";
 import { bytes, count, duration, moment } from "./format";
-import { Refusal, StartedOn, useStarter } from "./launched";
-import { useAnswer } from "./live";
+import { Refusal, ReplayText, StartedOn, useStarter } from "./launched";
+import { useAnswer, type Versions } from "./live";
 import { Bags } from "./bags";
 import { HistoryOf } from "./history";
 import { Log } from "./log";
@@ -40,26 +40,34 @@ interface RunProps extends Target {
 }
 
 export function RunPage({ campaign, variant, run, query }: RunProps) {
-  const answer = useAnswer<RunAnswer>(address(["campaigns", campaign, variant, run]));
-  const { error } = answer;
-  const data = answer.data?.details;
-  if (!answer.data || !data) return <Waiting error={error} title={`${variant}/${run}`} />;
-  const { result } = answer.data;
+  const isStale = ({ version }: RunAnswer, versions: Versions) => (versions[campaign] ?? version) !== version;
+  const { data: answer, error } = useAnswer<RunAnswer>(address(["campaigns", campaign, variant, run]), isStale);
+  const data = useUnchanged(answer?.details);
+  const siblings = useUnchanged(answer?.siblings);
+  if (!answer || !data || !siblings) return <Waiting error={error} title={`${variant}/${run}`} />;
+  const { result } = answer;
   const failed = result !== null && result.verdict !== "passed";
-  const player = data.recorded.length > 0 && playerOf({ campaign, variant, run }, answer.data.siblings, query);
+  const player = data.recorded.length > 0 && playerOf({ campaign, variant, run }, siblings, query);
   return (
     <>
       <Head data={data} result={result} title={`${variant}/${run}`} target={{ campaign, variant, run }}>
         <RunMore {...{ campaign }} configurations={[variant]} />
       </Head>
-      <Siblings {...{ campaign, variant, run }} siblings={answer.data.siblings} />
+      <Siblings {...{ campaign, variant, run, siblings }} />
       <Tabs
-        tabs={[...tabsOf(data, failed, { campaign, variant, run, siblings: answer.data.siblings }, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), historyOf(campaign, variant), notebooksOf({ campaign, variant, run })]}
+        tabs={[...tabsOf(data, failed, { campaign, variant, run, siblings }, query, player), ...(data.on_map ? [mapOf(campaign, variant)] : []), historyOf(campaign, variant), notebooksOf({ campaign, variant, run })]}
         chosen={query.get("tab") ?? "log"}
         onChoose={(tab) => choose({ tab: tab === "log" ? "" : tab })}
       />
     </>
   );
+}
+
+/** The same object as long as its content is the same, so that nothing of it is drawn again. */
+function useUnchanged<T>(value: T): T {
+  const kept = useRef(value);
+  if (JSON.stringify(kept.current) !== JSON.stringify(value)) kept.current = value;
+  return kept.current;
 }
 
 interface SiblingsProps extends Target {
@@ -118,6 +126,7 @@ function Head({ data, result, title, target, children }: HeadProps) {
         {title} {result && <Mark verdict={result.verdict} />}
       </h1>
       {result?.reason && <p class="reason">{result.reason}</p>}
+      {data.replay && <ReplayText replay={data.replay} />}
       <Missing files={record.missing} />
       {data.failure && (
         <details>
@@ -161,7 +170,7 @@ function Missing({ files }: { files: unknown }) {
   );
 }
 
-/** The command that executes the run again, and a button that does so. */
+/** The command that reproduces the run, and a button that does so. */
 function Repeat({ command, target }: { command: string; target: Target }) {
   const { data: offer } = useAnswer<Offer>(address(["offer"]));
   const { start, busy, refusal } = useStarter();
@@ -174,7 +183,7 @@ function Repeat({ command, target }: { command: string; target: Target }) {
         </code>
         <Copy text={command} label="Copy" />
         {offer?.repeat && (
-          <button type="button" disabled={busy} title="Executes what the campaign brings along" onClick={() => start(address(["repeat"], { ...target }))}>
+          <button type="button" disabled={busy} title="Runs it with the same seed, files and image, and compares" onClick={() => start(address(["repeat"], { ...target }))}>
             Run it again
           </button>
         )}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from robovast.analysis.replay.report import Replayed, ReplayReport, report_replays
+from robovast.base.atomic import write_atomically
 from robovast.base.errors import ExitCode, InputError
+from robovast.campaign.layout import REPLAY
 from robovast.execution.local import LocalOptions, replay_run
 from robovast.execution.local.replay import find_run
 from robovast.model.document import load_document
@@ -41,15 +44,17 @@ def replayed(
         return ExitCode.INTERRUPTED
     replays = [summary.campaign / run.variant.name / str(r.run) for r in summary.records]
     report = report_replays(run.folder, replays, compared)
-    for line in _lines(report):
+    lines = list(_lines(report))
+    for line in ("", *lines):
         say(line)
+    record = {"of": run.full_path, "same": not report.differs, "text": lines}
+    write_atomically(summary.campaign / REPLAY, json.dumps(record, indent=1) + "\n")
     say(f"Results: {shown(summary.campaign)}")
     return DIFFERS if report.differs else ExitCode.OK
 
 
 def _lines(report: ReplayReport) -> Iterator[str]:
     seed = "no seed" if report.seed is None else f"seed {report.seed}"
-    yield ""
     if len(report.replays) == 1:
         yield from _one(report, f"{report.run} ({seed})")
         return

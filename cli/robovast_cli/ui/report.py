@@ -15,6 +15,7 @@ from robovast.base.errors import DocumentError, ExitCode, RobovastError
 from robovast.base.file_errors import is_refusal, sentence
 from robovast.base.optional_deps import missing_extra
 from robovast.base.printable import printable
+from robovast.base.task_record import report
 
 BROKEN_PIPE = 141
 """Exit code when the reader of the output has gone, as of every program that SIGPIPE ends."""
@@ -33,6 +34,7 @@ def errors_reported() -> Iterator[None]:
     except RobovastError as error:
         _show_traceback()
         tell(message_of(error))
+        report(error=printable(message_of(error)))
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
         tell("interrupted")

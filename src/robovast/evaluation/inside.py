@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import os
 import stat
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from robovast.base.errors import InputError
 
@@ -44,7 +44,7 @@ def resolved(root: Path, relative: str) -> Path:
     return path
 
 
-def open_inside(root: Path, relative: str) -> BinaryIO:
+def open_inside(root: Path, relative: str) -> BufferedReader:
     """Open a regular file below a folder; see `resolved`."""
     path = resolved(root, relative)
     try:

@@ -11,9 +11,11 @@ from typing import Any
 from robovast.base.errors import InputError
 from robovast.base.xml_files import parse_xml
 from robovast.campaign.layout import (
+    EXECUTION_RECORD,
     JOB_LINK,
     JOBS,
     POSTPROCESSING,
+    REPLAY,
     RUN_RECORD,
     SYSINFO,
     TEST_RESULT,
@@ -55,6 +57,20 @@ class Origin:
 
 
 @dataclass(frozen=True)
+class Replay:
+    """A replay beside the run that it repeats."""
+
+    of: str
+    """The run, `<campaign>/<variant>/<run>`."""
+    stored: bool
+    """Whether it is in the results folder."""
+    same: bool | None
+    """Whether verdict and outputs are the same; None if they were not compared."""
+    text: str
+    """The comparison for people; empty if there is none."""
+
+
+@dataclass(frozen=True)
 class RunDetails:
     """All data on the page of a run."""
 
@@ -75,7 +91,9 @@ class RunDetails:
     recorded: list[str] = field(default_factory=list)
     """Folders of bags, also of recorders that were killed; the likeliest to be played first."""
     command: str = ""
-    """Shell command that executes this variant again on this machine."""
+    """Shell command that reproduces this run on this machine, as `vast replay`."""
+    replay: Replay | None = None
+    """If the run is a replay: how it compares with the run that it repeats."""
     origins: list[Origin] = field(default_factory=list)
     """Origins of files made by postprocessing."""
     on_map: bool = False
@@ -106,16 +124,35 @@ def read_run(results: Path, campaign: str, variant: str, number: int) -> RunDeta
         bags=list(_bags(results, files)),
         origins=list(_origins(results, campaign, place)),
         recorded=bags_in(files),
-        command=as_shell(repeat_words(results, campaign, variant, record)),
+        command=as_shell(repeat_words(results, place, record)),
         on_map=has_map(results, campaign, variant),
         failure=_failure(results, place),
+        replay=_replay(results, campaign),
     )
+
+
+def _replay(results: Path, campaign: str) -> Replay | None:
+    of = read_yaml(results, f"{campaign}/{EXECUTION_RECORD}").get("replay_of")
+    if not isinstance(of, str):
+        return None
+    found = _json(results, f"{campaign}/{REPLAY}")
+    same, lines = found.get("same"), found.get("text")
+    try:
+        stored = resolved(results, of).is_dir()
+    except InputError:
+        stored = False
+    text = "\n".join(map(str, lines)) if isinstance(lines, list) else ""
+    return Replay(of[:LONGEST], stored, same if isinstance(same, bool) else None, text[:LONGEST])
 
 
 def run_record(results: Path, place: str) -> Mapping[str, Any]:
     """Content of the run.json below `place`; empty if it is missing."""
+    return _json(results, f"{place}/{RUN_RECORD}")
+
+
+def _json(results: Path, path: str) -> Mapping[str, Any]:
     try:
-        return mapping(parse_json(read_small(results, f"{place}/{RUN_RECORD}")))
+        return mapping(parse_json(read_small(results, path)))
     except InputError:
         return {}
 

@@ -20,7 +20,7 @@ from robovast.evaluation.launch.commands import (
     more_runs_words,
     repeat_words,
 )
-from robovast.evaluation.run import read_run
+from robovast.evaluation.run import Replay, read_run
 
 
 @pytest.fixture
@@ -47,17 +47,33 @@ def test_a_job_with_other_runs_is_told(root: Path) -> None:
     assert read_run(root.parent, NAME, "hall-1", 0).packed
 
 
-def test_the_command_names_the_variant_and_its_image(root: Path) -> None:
+def test_the_command_reproduces_the_run_that_is_shown(root: Path) -> None:
     words = shlex.split(read_run(root.parent, NAME, "hall-1", 0).command)
-    vast_file = str(root / "_config" / "hall.vast")
-    assert words[:6] == ["vast", "-V", vast_file, "exec", "local", "run"]
-    assert words[6:] == ["--config=hall-1", "--runs=1", "--image=robots/hall:7"]
+    assert words == ["vast", "replay", f"{root}/hall-1/0", f"--out={root.parent}"]
+
+
+def test_a_run_without_a_result_has_nothing_to_reproduce(root: Path) -> None:
+    write(root / "hall-1" / "0" / "run.json", '{"verdict": "interrupted"}')
+    assert read_run(root.parent, NAME, "hall-1", 0).command == ""
 
 
 def test_the_command_of_a_malicious_campaign_is_one_command(root: Path) -> None:
-    record = {"image": "x; rm -rf ~ $(id)\n`id`"}
-    words = shlex.split(as_shell(repeat_words(root.parent, NAME, "--help; id", record)))
-    assert words[6:] == ["--config=--help; id", "--runs=1", f"--image={record['image']}"]
+    place = f"{NAME}/--help; rm -rf ~ $(id)\n`id`/0"
+    words = shlex.split(as_shell(repeat_words(root.parent, place, {"verdict": "failed"})))
+    assert words == ["vast", "replay", f"{root.parent}/{place}", f"--out={root.parent}"]
+
+
+def test_a_replay_says_which_run_it_repeats_and_how_it_compares(root: Path) -> None:
+    assert read_run(root.parent, NAME, "hall-1", 0).replay is None
+    execution = root / "_execution" / "execution.yaml"
+    record = execution.read_text()
+    for of, stored in ((f"{NAME}/hall-2/0", True), ("gone/hall-2/0", False), ("../../x", False)):
+        execution.write_text(f"{record}replay_of: {of}\n")
+        assert read_run(root.parent, NAME, "hall-1", 0).replay == Replay(of, stored, None, "")
+    write(root / "_execution" / "replay.json", '{"same": false, "text": ["a", "b"]}')
+    assert read_run(root.parent, NAME, "hall-1", 0).replay == Replay(of, False, False, "a\nb")
+    write(root / "_execution" / "replay.json", '[{"same": 7}')
+    assert read_run(root.parent, NAME, "hall-1", 0).replay == Replay(of, False, None, "")
 
 
 def test_a_run_without_its_job(root: Path) -> None:

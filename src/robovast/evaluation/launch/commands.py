@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.campaign.verdict import Verdict
 from robovast.evaluation.inside import resolved
 from robovast.evaluation.summaries import CampaignSummary
 from robovast.model.naming import CONFIG
@@ -84,26 +85,23 @@ def postprocessing_words(results: Path, override: Path | None) -> list[str]:
     return ["results", "postprocess", f"--results-dir={results}", *options]
 
 
-def repeat_words(
-    results: Path, campaign: str, variant: str, record: Mapping[str, Any]
-) -> list[str]:
-    """Arguments that execute a variant again with the same image as a run.
+def repeat_words(results: Path, place: str, record: Mapping[str, Any]) -> list[str]:
+    """Arguments that reproduce a run: with its seed, files and image, and a comparison with it.
 
-    Empty if the campaign has no .vast file.
+    Empty if the run has no result, or its campaign no .vast file.
+
+    Args:
+        results: the results folder; the replay is stored there, too.
+        place: the run's folder in it, `<campaign>/<variant>/<run>`.
+        record: of the run.
     """
     try:
-        documents = sorted(resolved(results, f"{campaign}/{CONFIG}").glob("*.vast"))
+        folder = resolved(results, f"{place.partition('/')[0]}/{CONFIG}")
     except InputError:
         return []
-    if not documents:
+    if not any(folder.glob("*.vast")) or record.get("verdict") in (None, Verdict.INTERRUPTED):
         return []
-    words = ["-V", str(documents[0]), "exec", "local", "run", f"--config={variant}", "--runs=1"]
-    image = str(record.get("image") or "")
-    if record.get("runtime") == "process":
-        words.append("--runtime=process")
-    elif image:
-        words.append(f"--image={image}")
-    return words
+    return ["replay", str(results / place), f"--out={results}"]
 
 
 def resume_words(results: Path, summary: CampaignSummary) -> list[str]:

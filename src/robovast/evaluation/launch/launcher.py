@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import re
+import shutil
 import signal
 import subprocess
+import weakref
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import mkdtemp
 from threading import Event, RLock, Thread, Timer
 from typing import IO, Any
 
 from robovast.base.errors import CannotRunError, ExitCode
 from robovast.base.stopwatch import Stopwatch
+from robovast.base.task_record import VARIABLE, reported
 from robovast.evaluation.launch.commands import as_shell
 
 MOST_LINES = 1000
@@ -42,6 +48,10 @@ class Launch:
     """Its first command in shell syntax."""
     campaign: str
     """The campaign on whose page it was started; empty for one of the document."""
+    makes: str
+    """The campaign whose runs it executes; empty until the command has created it."""
+    run: str
+    """If it reproduces a run: `<variant>/<number>`."""
     started: float
     """[s since the epoch]"""
     ended: float | None = None
@@ -50,6 +60,8 @@ class Launch:
     """Exit code of its first command, once that has ended; negative for signals."""
     stopping: bool = False
     """Whether it was asked to end."""
+    error: str = ""
+    """Why its first command failed, if it reported an error."""
 
 
 class Launcher:
@@ -61,6 +73,8 @@ class Launcher:
         self._grace = grace
         self._launch: Launch | None = None
         self._child: subprocess.Popen[str] | None = None
+        self._record = Path(mkdtemp(prefix="robovast-launch-")) / "record"
+        weakref.finalize(self, shutil.rmtree, self._record.parent, ignore_errors=True)
         self._lines: deque[str] = deque(maxlen=MOST_LINES)
         self._written = 0
         self._stopwatch = Stopwatch()
@@ -70,8 +84,11 @@ class Launcher:
 
     @property
     def launch(self) -> Launch | None:
-        """The latest task."""
-        return self._launch
+        """The latest task, with what its command has reported."""
+        with self._lock:
+            if self._launch is not None and self._launch.ended is None:
+                self._learn()
+            return self._launch
 
     def output(self, since: int) -> tuple[int, list[str]]:
         """Output lines of the latest task.
@@ -87,13 +104,22 @@ class Launcher:
             first = min(max(since, kept), self._written)
             return first, list(self._lines)[first - kept :]
 
-    def start(self, words: Sequence[str], then: Sequence[str] = (), campaign: str = "") -> Launch:
+    def start(
+        self,
+        words: Sequence[str],
+        then: Sequence[str] = (),
+        campaign: str = "",
+        makes: str = "",
+        run: str = "",
+    ) -> Launch:
         """Execute a command, and then another one if the first leaves results.
 
         Args:
             words: the command's arguments.
             then: those of the other one.
             campaign: see `Launch`.
+            makes: see `Launch`; empty for a campaign that the command creates.
+            run: see `Launch`.
 
         Raises:
             BusyError: the previous task has not ended.
@@ -102,10 +128,12 @@ class Launcher:
         with self._lock:
             if not self._ended.is_set():
                 raise BusyError("A campaign is being run from this page; wait for it, or stop it.")
+            self._record.unlink(missing_ok=True)
             self._child = self._open(words)
             number = self._launch.number + 1 if self._launch else 1
             self._stopwatch = Stopwatch()
-            launch = Launch(number, as_shell(words), campaign, self._stopwatch.period[0])
+            begun = self._stopwatch.period[0]
+            launch = Launch(number, as_shell(words), campaign, makes, run, begun)
             self._launch = launch
             self._lines.clear()
             self._written = 0
@@ -149,13 +177,16 @@ class Launcher:
                 encoding="utf-8",
                 errors="replace",
                 start_new_session=True,
+                env={**os.environ, VARIABLE: str(self._record)},
             )
         except (OSError, ValueError) as error:
             raise CannotRunError(f"{self._program[0]} cannot be started: {error}.") from None
 
     def _follow(self, child: subprocess.Popen[str], then: Sequence[str]) -> None:
         code = self._wait(child)
-        self._change(code=code)
+        with self._lock:
+            self._learn()
+            self._change(code=code)
         try:
             following = self._next(code, then)
             if following is not None:
@@ -190,6 +221,16 @@ class Launcher:
         with self._lock:
             self._lines.append(line)
             self._written += 1
+
+    def _learn(self) -> None:
+        """Take over what the first command has reported; the second one creates no campaign."""
+        launch = self._launch
+        if launch is not None and launch.code is None:
+            facts = reported(self._record)
+            self._change(
+                makes=launch.makes or facts.get("campaign", ""),
+                error=facts.get("error", ""),
+            )
 
     def _change(self, **changes: Any) -> None:
         with self._lock:

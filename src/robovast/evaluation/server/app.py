@@ -260,7 +260,14 @@ class Pages:
         }
         if not self._library.lasts:
             found = replace(found, command="")  # it names files that go with the page
-        return Data({"details": found, "siblings": siblings, "result": result})
+        return Data(
+            {
+                "version": index.version,
+                "details": found,
+                "siblings": siblings,
+                "result": result,
+            }
+        )
 
     def more(self, request: Request) -> Response:
         """What gives each `config` of a campaign more runs.
@@ -301,7 +308,7 @@ class Pages:
         words = more_runs_words(self._library.results, summary, chosen, runs or 0)
         if not words or not runs or not known.issuperset(chosen):
             raise InputError(f"{name} cannot be given such runs from here.")
-        return self._launches.start(words, name)
+        return self._launches.start(words, name, makes=name)
 
     def history(self, request: Request) -> Response:
         """A configuration in all campaigns; those that take too long are left to the next time."""

@@ -97,14 +97,14 @@ class LaunchPages:
         return self.start(run_words(self._document(), self._results, choices))
 
     def repeated(self, request: Request) -> Response:
-        """Execute the configuration of a run again."""
+        """Reproduce a run."""
         asked = request.query_params
         campaign, variant, run = (asked.get(key, "") for key in ("campaign", "variant", "run"))
-        record = run_record(self._results, f"{campaign}/{variant}/{run}")
-        words = repeat_words(self._results, campaign, variant, record)
-        if not record or not words:
+        place = f"{campaign}/{variant}/{run}"
+        words = repeat_words(self._results, place, run_record(self._results, place))
+        if not words:
             raise InputError(f"How {variant}/{run} of {campaign} was executed is not known.")
-        return self.start([*words, f"--output={self._results}"], campaign)
+        return self.start(words, campaign, run=f"{variant}/{run}")
 
     def stopped(self, _: Request) -> Response:
         """Ask the task to end."""
@@ -134,8 +134,16 @@ class LaunchPages:
             raise CannotRunError(self._starting.refusal)
         return self._starting.document
 
-    def start(self, words: Sequence[str], campaign: str = "") -> Response:
-        """Start a command that executes runs, from the page of a campaign if one is named.
+    def start(
+        self, words: Sequence[str], campaign: str = "", makes: str = "", run: str = ""
+    ) -> Response:
+        """Start a command that executes runs.
+
+        Args:
+            words: its arguments.
+            campaign: the campaign on whose page it is started, if any.
+            makes: the campaign that gets the runs, if it exists.
+            run: `<variant>/<number>` of the run that is reproduced, if any.
 
         Raises:
             CannotRunError: nothing can be started from here.
@@ -144,7 +152,7 @@ class LaunchPages:
             raise CannotRunError(self._starting.refusal)
         then = postprocessing_words(self._results, self._override)
         then = then if self._starting.postprocess else []
-        return Data(self._launcher.start(words, then, campaign))
+        return Data(self._launcher.start(words, then, campaign, makes, run))
 
 
 def _runs(document: Path) -> int:

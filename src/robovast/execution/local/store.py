@@ -14,6 +14,7 @@ from pathlib import Path
 from robovast.base.atomic import make_folder, put_in_place
 from robovast.base.errors import StorageError
 from robovast.base.file_errors import cause, refuse_obstacle
+from robovast.base.task_record import report
 from robovast.campaign.checksums import checksums
 from robovast.campaign.layout import JOB_LINK, Layout, job_link_target
 from robovast.campaign.own_names import set_own_names_aside
@@ -50,6 +51,7 @@ def make_campaign_folder(output: Path, name: str, started: datetime) -> Layout:
         ) from None
     if not os.access(root, os.W_OK):
         raise StorageError(f"{root}: cannot be written.")
+    report(campaign=root.name)
     return Layout(root)
 
 
