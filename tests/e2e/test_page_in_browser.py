@@ -358,9 +358,74 @@ def test_a_campaign_is_run_from_the_page_and_looked_at(
         expect(page.get_by_role("region", name="Lines of the log")).to_contain_text("no goal for 2")
         page.get_by_role("button", name="Run it again").click()
         expect(page.get_by_role("heading", level=1)).to_contain_text("one-2/0")
-        expect(launched).to_contain_text("--config=one-2 --runs=1")
-        expect(launched).to_contain_text("A run failed.")
+        expect(launched).to_contain_text("The run ended as before.")
+        compared = launched.get_by_label("Comparison with the original")
+        expect(compared).to_contain_text("same verdict (failed)")
+        launched.get_by_role("link", name="Show the run").click()
+        expect(page).to_have_url(re.compile("#/campaign/test-campaign-replay-.*/one-2/0"))
+        again = page.get_by_label("Comparison with the original")
+        expect(again).to_contain_text("same verdict (failed)")
+        again.get_by_role("link").click()
+        expect(page).to_have_url(re.compile(r"#/campaign/test-campaign-\d[^/]*/one-2/0"))
+        launched.get_by_role("button", name="Dismiss").click()
+        expect(launched).to_have_count(0)
+        page.reload()
+        expect(page.get_by_role("heading", level=1)).to_contain_text("one-2/0")
+        settled(page)
+        expect(launched).to_have_count(0)
     assert len(list(results.glob("test-campaign-*/one-2/0/run.json"))) == 2
+
+
+def test_a_replay_that_cannot_be_started_says_why_on_the_page(page: Page, tmp_path: Path) -> None:
+    root = write_campaign(tmp_path, judge=lambda *_: "failed")
+    write(root / "_transient" / "configurations.yaml", "[: {")
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}/hall-1/0")
+        page.get_by_role("button", name="Run it again").click()
+        launched = page.get_by_role("region", name="The campaign that was started here")
+        expect(launched.get_by_role("alert")).to_contain_text("configurations.yaml")
+        expect(launched).to_contain_text("It cannot be run as it was asked for.")
+
+
+def test_a_run_that_is_reproduced_is_the_one_that_is_shown(page: Page, tmp_path: Path) -> None:
+    """Not the first run of its configuration, whose seed ends otherwise."""
+    script = 'echo "$ROBOVAST_SEED" > "$3/seed.csv"; exit $((ROBOVAST_SEED % 2))\n'
+    file = make_campaign(tmp_path, script, "  seed: 7\n")
+    results = tmp_path / "results"
+    command = [VAST, "-V", file, "exec", "local", "run", "--runtime=process", "-c", "one-1"]
+    subprocess.run([*command, "--runs=8", results], check=False, capture_output=True)
+    (root,) = results.glob("test-campaign-*")
+    records = [json.loads((root / f"one-1/{n}/run.json").read_text()) for n in range(8)]
+    other = next(r for r in records if r["verdict"] != records[0]["verdict"])
+    with browsing(page, results) as address:
+        page.goto(f"{address}#/campaign/{root.name}/one-1/{other['run']}")
+        expect(page.get_by_label("Run it again here")).to_contain_text("vast replay ")
+        page.get_by_role("button", name="Run it again").click()
+        compared = page.get_by_label("Comparison with the original")
+        expect(compared).to_contain_text(f"(seed {other['seed']}): same verdict")
+        expect(compared).to_contain_text("same seed.csv")
+
+
+def test_a_run_and_its_launch_follow_their_own_campaign(page: Page, tmp_path: Path) -> None:
+    """A newer campaign, which postprocessing names as well, lends neither name nor verdicts."""
+    file = make_campaign(tmp_path, 'printf "a\\n1\\n" > "$3/n.csv"; [ "$1" != 2 ]\n')
+    results = tmp_path / "results"
+    command = [VAST, "-V", file, "exec", "local", "run", "--runtime=process"]
+    for chosen in ("one-1", "one-2"):
+        subprocess.run([*command, "-c", chosen, results], check=False, capture_output=True)
+    first = min(path.name for path in results.iterdir())
+    with shown(results, postprocess=True, cwd=tmp_path) as server:
+        page.goto(f"{server.address}#/campaign/{first}/one-1/0")
+        page.get_by_label("Runs in all").fill("3")
+        page.keyboard.press("Enter")
+        page.get_by_role("button", name="Run 2 more").click()
+        launched = page.get_by_role("region", name="The campaign that was started here")
+        expect(launched).to_contain_text("Every run passed.")
+        expect(launched.get_by_role("heading")).to_have_text("Further runs ")
+        expect(launched).to_contain_text("3 passed")
+        siblings = page.get_by_role("navigation", name="Runs of this configuration")
+        expect(siblings.get_by_role("link")).to_have_count(3)  # without a reload
+        page.goto("about:blank")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -946,6 +1011,68 @@ def test_a_comparison_says_what_changed_and_what_it_could_have_shown(
         expect(page.get_by_text("cannot fall below 0.333")).to_contain_text(
             "5 runs of each, before and after, would"
         )
+
+
+def test_a_jump_in_a_history_has_what_changed_beside_it(page: Page, tmp_path: Path) -> None:
+    for name, bad, code in ((NAME, 4, "0.35"), (LATER, 0, "0.9"), (LAST, 4, "0.9")):
+        root = write_campaign(tmp_path, name, runs=5, judge=fails_in(bad), outputs=False)
+        write(root / "_config" / "files" / "pilot.py", f"AHEAD = {code}\n")
+        record = root / "_execution" / "execution.yaml"
+        record.write_text(record.read_text().replace("2026-03-04T", f"{name[5:15]}T"))
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}/hall-1/0?tab=history")
+        rows = page.get_by_role("tabpanel").locator("tr[data-row]")
+        expect(rows).to_have_count(3)  # the latest first
+        expect(rows.nth(0)).to_contain_text("nothing recorded changed")
+        expect(rows.nth(1)).to_contain_text("files/pilot.py")
+        expect(rows.nth(2)).not_to_contain_text("changed")
+
+
+def fails_in(bad: int):
+    return lambda _, number: "failed" if number < bad else "passed"
+
+
+def test_a_comparison_keeps_the_axes_and_says_nothing_of_one_campaign(
+    page: Page, tmp_path: Path
+) -> None:
+    """Before, the margin separates failures best; after, the speed does."""
+    variants = [{"margin": m, "speed": v} for m in (1, 2, 3) for v in (1, 2, 3)]
+    for name, factor in ((NAME, "margin"), (LATER, "speed")):
+        judge = lambda of, _, factor=factor: "failed" if of[factor] == 1 else "passed"  # noqa: E731
+        write_campaign(tmp_path, name, variants=variants, runs=6, judge=judge, outputs=False)
+    with browsing(page, tmp_path) as address:
+        for first, second in ((NAME, LATER), (LATER, NAME)):
+            page.goto("about:blank")
+            page.goto(f"{address}#/campaign/{first}")
+            expect(page.get_by_text("separate failures best")).to_have_count(1)
+            across = page.get_by_label("Across").input_value()
+            assert across == ("margin" if first == NAME else "speed")
+            for a, b in ((first, second), (second, first)):
+                page.goto(f"{address}#/compare?a={a}&b={b}")
+                expect(page.get_by_text("Where it changed")).to_be_visible()
+                expect(page.get_by_label("Across")).to_have_value(across)
+                expect(page.get_by_text("separate failures best")).to_have_count(0)
+
+
+def test_causes_have_their_range_and_separate_groups(page: Page, tmp_path: Path) -> None:
+    root = write_campaign(
+        tmp_path, variants=[{"speed": 1.0}], runs=20, judge=lambda *_: "failed", outputs=False
+    )
+    for number in range(20):
+        record = root / "hall-1" / str(number) / "run.json"
+        after = "0.1" if number < 5 else f"{0.4 * number:.1f}"
+        data = json.loads(record.read_text())
+        data["reason"] = f"collision after {after} s at {number / 10:.1f}, 2.0"
+        record.write_text(json.dumps(data))
+    with browsing(page, tmp_path) as address:
+        page.goto(f"{address}#/campaign/{NAME}")
+        causes = page.get_by_role("region", name="Why runs did not pass").get_by_role("button")
+        expect(causes).to_have_count(2)
+        expect(causes.nth(0)).to_contain_text("collision after 2.0 – 7.6 s at …")
+        expect(causes.nth(0)).to_contain_text("0.5 – 1.9")
+        expect(causes.nth(1)).to_contain_text("collision after 0.1 s at …")
+        causes.nth(1).click()
+        expect(page.get_by_role("main").get_by_role("status")).to_have_text("5 of 20 runs")
 
 
 def test_a_campaign_is_readable(page: Page, tmp_path: Path) -> None:

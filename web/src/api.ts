@@ -46,6 +46,8 @@ export interface Columns {
   reasons: string[];
   /** What reasons have in common, and for each reason its place in that. */
   causes: string[];
+  /** By cause: the ranges of the numbers in which its reasons differ. */
+  numbers: string[];
   cause: number[];
   /** Values of factors, then of the other parameters. */
   variants: { name: string[]; entry: string[]; values: Record<string, unknown[]> };

@@ -15,6 +15,7 @@ export function campaign(values: Record<string, unknown[]>, verdicts: string[]):
     reasons: ["", "goal not reached"],
     decided: [],
     causes: ["no reason is known", "goal not reached"],
+    numbers: ["", ""],
     cause: [0, 1],
     variants: { name: Array.from({ length: variants }, (_, i) => `hall-${i + 1}`), entry: [], values },
     factors: Object.keys(values),

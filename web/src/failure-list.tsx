@@ -50,7 +50,7 @@ function restOf(rest: Failure[]): string {
 }
 
 function Item({ failure, most, chosen }: { failure: Failure; most: number; chosen: boolean }) {
-  const { cause, verdict, runs, where } = failure;
+  const { cause, numbers, verdict, runs, where } = failure;
   return (
     <li>
       <button
@@ -70,6 +70,7 @@ function Item({ failure, most, chosen }: { failure: Failure; most: number; chose
           <span class="hidden"> {runs.length === 1 ? "run" : "runs"}</span>
         </span>
         <span class={`share ${verdict}`} aria-hidden="true" style={{ width: `${(100 * runs.length) / most}%` }} />
+        {numbers && <small>{numbers}</small>}
         {where.length > 0 && <small>{where.join(", ")}</small>}
       </button>
     </li>

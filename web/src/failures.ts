@@ -5,6 +5,8 @@ import { show, verdictOf, type Run } from "./data";
 /** Runs that did not pass for one cause. */
 export interface Failure {
   cause: string;
+  /** The ranges of the numbers in which its reasons differ. */
+  numbers: string;
   /** Of its first run. */
   verdict: Verdict;
   runs: Run[];
@@ -42,6 +44,7 @@ export function failures(data: Columns, runs: Run[], names: string[]): Failure[]
     .sort(([, a], [, b]) => b.length - a.length)
     .map(([cause, members]) => ({
       cause,
+      numbers: data.numbers[data.cause[data.runs.reason[members[0]!]!]!]!,
       verdict: verdictOf(data, members[0]!),
       runs: members,
       where: members.length > 1 ? inCommon(data, names, perVariant(data, members), all) : [],

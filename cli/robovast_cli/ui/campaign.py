@@ -180,7 +180,7 @@ def _cause_line(summary: Summary, group: FailureGroup[RunRecord]) -> str:
     log = shown(Layout(summary.campaign).job(first.job) / SYSTEM_LOG)
     verdicts = "/".join(group.verdicts)
     more = " …" if count > 1 else ""
-    return f"{verdicts:<8}{count:>4} × {group.cause}  {first.variant}/{first.run}{more} ({log})"
+    return f"{verdicts:<8}{count:>4} × {group.text}  {first.variant}/{first.run}{more} ({log})"
 
 
 def _counts(summary: Summary) -> str:

@@ -130,7 +130,7 @@ def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
     rows = [
         [
             str(len(group.runs)),
-            shortened(group.cause, WIDEST_REASON),
+            shortened(group.text, WIDEST_REASON),
             ", ".join(group.verdicts),
             group.runs[0],
         ]

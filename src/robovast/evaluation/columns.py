@@ -23,7 +23,8 @@ def columns(variants: Sequence[VariantRuns], test: CampaignTest | None = None) -
         `units`: of those that have one. `runs`: lists with one item per run: `variant`
         (place in the list of variants), `number`, `verdict` (code), `reason` (place in
         `reasons`), `started` [s since the epoch], `duration` [s]. `causes`: what reasons with one
-        cause share; `cause`: the place in it of each reason.
+        cause share; `numbers`: ranges of the numbers in which they differ; `cause`: the place in
+        both of each reason.
     """
     factors = list(dict.fromkeys(name for variant in variants for name in variant.factors))
     names = dict.fromkeys([*factors, *(name for v in variants for name in v.parameters)])
@@ -31,14 +32,17 @@ def columns(variants: Sequence[VariantRuns], test: CampaignTest | None = None) -
     reasons = {"": 0}
     for _, run in runs:
         reasons.setdefault(run.reason, len(reasons))
-    cause_of = causes(reasons)
+    bad = (run.reason for _, run in runs if run.verdict is not Verdict.PASSED)
+    known = causes(bad)
+    cause_of = causes(reason for reason in reasons if reason not in known) | known
     place_of = {cause: place for place, cause in enumerate(dict.fromkeys(cause_of.values()))}
     codes = {verdict: code for code, verdict in enumerate(VERDICTS)}
     return {
         "verdicts": VERDICTS,
         "decided": [told(decision_of(test, one)) for one in variants] if test else [],
         "reasons": list(reasons),
-        "causes": list(place_of),
+        "causes": [cause.label for cause in place_of],
+        "numbers": [cause.numbers for cause in place_of],
         "cause": [place_of[cause_of[reason]] for reason in reasons],
         "variants": {
             "name": [variant.name for variant in variants],

@@ -73,8 +73,9 @@ class CampaignTools:
     def inspect_campaign(self, campaign: str) -> Any:
         """Compute where a campaign fails: by value of what was varied (its factors) and by cause.
 
-        A cause is a reason without the numbers in which it differs between runs. Interrupted runs
-        do not count in the rates, which have their 95 % intervals. `explained_by` has the clearest
+        A cause is a reason without the numbers in which it differs between runs; `numbers` has
+        their ranges. Clearly separate groups of a number are separate causes. Interrupted runs do
+        not count in the rates, which have their 95 % intervals. `explained_by` has the clearest
         split of each factor; `p` is how often chance alone shows one as clear.
         """
         interval_of = interval_for(self._library.summary(campaign))
@@ -198,6 +199,7 @@ def _find_run(variant: VariantRuns, number: int) -> RunSummary:
 def _cause(group: FailureGroup[str]) -> dict[str, Any]:
     return {
         "cause": group.cause,
+        "numbers": group.numbers,
         "verdicts": group.verdicts,
         "runs": len(group.runs),
         "examples": group.runs[:_MOST_EXAMPLES],

@@ -133,7 +133,7 @@ def _causes(report: CampaignReport) -> Markup:
     rows = [
         [
             _bar(len(group.runs) / most, f"{len(group.runs):,}"),
-            shortened(group.cause, words.LONGEST_TEXT),
+            shortened(group.text, words.LONGEST_TEXT),
             ", ".join(group.verdicts),
             group.runs[0],
         ]

@@ -73,7 +73,7 @@ def _causes(report: CampaignReport) -> Iterator[str]:
         (
             [
                 str(len(group.runs)),
-                code(shortened(group.cause, words.WIDEST_LINE)),
+                code(shortened(group.text, words.WIDEST_LINE)),
                 ", ".join(group.verdicts),
                 code(group.runs[0]),
             ]
