@@ -71,7 +71,7 @@ def axes_note(explained: Explained) -> str:
         return f"{names} {verb} failures best."
     if any(p < LEVEL for p in ps):
         return f"{names} {verb} failures best, though chance can explain one of both."
-    return f"{names} {verb} failures best. {CHANCE.strip()}"
+    return f"{names} {'come' if len(explained.axes) > 1 else 'comes'} first. {CHANCE.strip()}"
 
 
 def titled(factor: str, units: Mapping[str, str]) -> str:
