@@ -277,6 +277,22 @@ def test_speeds_do_not_reach_over_runs_frames_and_equal_times() -> None:
     assert list(calculate_speeds_from_poses(frame)["linear_speed"]) == [2.5]
 
 
+@pytest.mark.parametrize("numbered", [True, False])
+@pytest.mark.parametrize("shift", [0.0, 0.5])
+def test_speeds_do_not_reach_over_resets(numbered: bool, shift: float) -> None:
+    """Whether a column numbers the episodes or only the timestamps jump back."""
+    episodes = [(start + step + number * shift, number, start * 100.0 + step * 2)
+                for number, start in enumerate((0, 50, 100) if numbered else (0, 0, 0))
+                for step in range(4)]  # fmt: skip
+    frame = pd.DataFrame(episodes, columns=["timestamp", "episode", "position.x"]).assign(
+        run="0", config="a", frame="base_link", **{"position.y": 0.0, "orientation.yaw": 0.0}
+    )
+    speeds = calculate_speeds_from_poses(frame if numbered else frame.drop(columns="episode"))
+    assert list(speeds["linear_speed"]) == [2.0] * 9
+    mixed = pd.concat([frame, frame[:4].drop(columns="episode").assign(run="1")])
+    assert len(calculate_speeds_from_poses(mixed)) == 12
+
+
 def test_a_campaign_in_plain_values(campaign: Path) -> None:
     configs = campaign_data.list_config_dirs(campaign)
     assert [path.name for path in configs] == ["a-1", "b"]

@@ -312,7 +312,32 @@ def test_stamps_that_jump_back_do_not_tell_the_time(tmp_path: Path) -> None:
             bag.odometry(i / 10, i / 10, 0.0, 0.0, stamp=(i % 50) * 2 - START / SECOND)
     drive = opened(tmp_path / "bag")
     assert "jump back" in remarks_of(drive)
+    assert "at least 2 episodes" in remarks_of(drive)
     assert parts_of(drive)[0].times == pytest.approx([i / 10 for i in range(100)])
+
+
+@pytest.mark.parametrize("role", ["/odom", "/tf"])
+@pytest.mark.parametrize("shift", [0.0, 0.05])
+def test_poses_of_an_episode_are_placed_by_its_transforms(
+    tmp_path: Path, role: str, shift: float
+) -> None:
+    """The simulation is reset after 5 s; then odom stands 100 m further on the map."""
+    with DriveBag(tmp_path / "bag") as bag:
+        for i in range(100):
+            at, stamp = i / 10, (i % 50) / 10 + (shift if i >= 50 else 0)
+            x = 100.0 if i >= 50 else 0.0
+            moved = [bag.transform("map", "odom", stamp, (x, 0.0, 0.0)),
+                     bag.transform("odom", "base_link", stamp, (stamp, 0.0, 0.0))]  # fmt: skip
+            bag.write("/tf", bag.make("tf2_msgs/msg/TFMessage", moved), at)
+            if role == "/odom":
+                bag.odometry(at, stamp, 0.0, 0.0, stamp=stamp)
+    drive = opened(tmp_path / "bag")
+    assert "this part has 2 episodes" in remarks_of(drive)
+    (part,) = parts_of(drive)
+    assert part.times == pytest.approx([i / 10 for i in range(100)])
+    assert part.x == pytest.approx(
+        [i / 10 if i < 50 else 100 + (i - 50) / 10 + shift for i in range(100)]
+    )
 
 
 @pytest.mark.parametrize("jumped", [range(100, 200), range(99, 101), range(199, 200), range(1)])

@@ -59,8 +59,10 @@ def rosbags_tf_to_csv(
     csv_filename: str = "poses.csv",
     bag_dir: str = "rosbag2",
     provenance_file: str | None = None,  # noqa: ARG001
+    root_frame: str = "map",
+    tf_topic: str = "/tf",
 ) -> Result:
-    """Write the poses of frames in `map` [s, m, rad] to one CSV file.
+    """Write the poses of frames in a root frame [s, m, rad] to one CSV file.
 
     Args:
         results_dir: folder of a campaign, a configuration or a run.
@@ -69,8 +71,17 @@ def rosbags_tf_to_csv(
         csv_filename: name of the file.
         bag_dir: path suffix of the bag's folder.
         provenance_file: not used.
+        root_frame: the frame that poses are given in.
+        tf_topic: topic of the transforms, for example `/robot1/tf`; fixed transforms are on
+            `<tf_topic>_static`.
     """
-    parameters = {"frames": frames, "csv_filename": csv_filename, "bag_dir": bag_dir}
+    parameters = {
+        "frames": frames,
+        "csv_filename": csv_filename,
+        "bag_dir": bag_dir,
+        "root_frame": root_frame,
+        "tf_topic": tf_topic,
+    }
     return _convert(_call("rosbags_tf_to_csv", parameters), results_dir, config_dir)
 
 

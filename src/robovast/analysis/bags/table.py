@@ -72,10 +72,10 @@ class Table:
         self._count += 1
         self._file.write(b",".join(self._order(cells)) + b"\n")
 
-    def add_lines(self, lines: Iterable[bytes]) -> None:
-        """Write formatted rows, for tables with leading columns only."""
-        if self._key is None:
-            self._switch(())
+    def add_lines(self, lines: Iterable[bytes], key: Key = ()) -> None:
+        """Write formatted rows, all with one key."""
+        if key != self._key:
+            self._switch(key)
         self._file.writelines(line + b"\n" for line in lines)
 
     @property

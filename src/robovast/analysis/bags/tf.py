@@ -1,4 +1,4 @@
-"""Writes poses of frames in `map` to a CSV file."""
+"""Writes poses of frames in a root frame to a CSV file."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ from robovast.analysis.bags.flatten import number_text, seconds_cell, text_cell
 from robovast.analysis.bags.job import Context, nothing_on
 from robovast.analysis.bags.source import Consumer, Topic
 from robovast.analysis.bags.table import written
-from robovast.analysis.bags.transforms import TransformTree, euler
+from robovast.analysis.bags.transforms import Transforms, TransformTree, euler
 from robovast.model.document.commands import TfToCsv
 
-REFERENCE = "map"
 _TYPE = "tf2_msgs/msg/TFMessage"
-_STATIC = {"/tf": False, "/tf_static": True}
 _COLUMNS = (
     "frame",
     "timestamp",
@@ -29,32 +27,48 @@ _COLUMNS = (
 )
 
 
+def _cells(columns: tuple[str, ...]) -> list[list[str]]:
+    """Columns of each cell after the leading ones: one each."""
+    return [[column] for column in columns]
+
+
 class TfWorker:
-    """Writes each frame's pose [m, rad] in `map` at each stamp, with the time of receipt [s]."""
+    """Writes each frame's pose [m, rad] in a root frame at each stamp, with time of receipt [s]."""
 
     def __init__(self, context: Context, job: TfToCsv) -> None:
         self._context = context
         self._frames = tuple(dict.fromkeys(frame.lstrip("/") for frame in job.frames))
-        self._table = context.table(job.csv_filename, _COLUMNS)
-        self._tree = TransformTree()
+        self._root = job.root_frame.lstrip("/")
+        self._topic = f"/{job.tf_topic.strip('/')}"
+        self._table = context.table(job.csv_filename, _COLUMNS, _cells)
+        self._transforms = Transforms()
 
     def subscribe(self, topic: Topic) -> Consumer | None:
         """The consumer of a topic of transforms, or None."""
-        static = _STATIC.get(topic.name)
-        if static is None or topic.type != _TYPE:
+        if topic.type != _TYPE or topic.name not in (self._topic, f"{self._topic}_static"):
             return None
-        add = self._tree.add
+        add, static = self._transforms.add, topic.name != self._topic
         return lambda time, data: add(data, static, time)
 
     def finish(self) -> list[Path]:
         """The table; empty if no pose is known."""
-        if self._tree.frames:
-            self._write()
-        else:
-            self._context.warn(nothing_on(self._context, "/tf"))
-        if self._tree.rejected:
+        trees, frames = self._transforms.trees, self._transforms.frames
+        rows = [row for number in range(len(self._frames)) for row in self._rows(number, trees)]
+        rows.sort(key=lambda row: row[:3])
+        episodes = len(trees) > 1
+        if rows:
+            self._table.add_lines((line for *_, line in rows), ("episode",) if episodes else ())
+        if episodes:
             self._context.warn(
-                f"{self._tree.rejected} transforms are left out: they are not finite, not "
+                f"{self._context.bag.name} has {len(trees)} episodes: the stamps on {self._topic} "
+                f"jump back, as after a simulation reset. The column `episode` of "
+                f"{self._table.path.name} numbers the episodes"
+            )
+        if not frames:
+            self._context.warn(self._nothing())
+        if self._transforms.rejected:
+            self._context.warn(
+                f"{self._transforms.rejected} transforms are left out: they are not finite, not "
                 "normalized, lack a frame name, or have one frame as parent and child"
             )
         return written(self._table)
@@ -63,30 +77,47 @@ class TfWorker:
         """Remove unfinished files."""
         self._table.discard()
 
-    def _write(self) -> None:
-        rows: list[tuple[int, int, bytes]] = []
-        for number, frame in enumerate(self._frames):
-            rows += ((time, number, line) for time, line in self._lines(frame))
-        rows.sort(key=lambda row: row[:2])
-        if rows:
-            self._table.add_lines(line for _, _, line in rows)
-
-    def _lines(self, frame: str) -> Iterator[tuple[int, bytes]]:
-        times, received = self._tree.stamps(frame)
-        poses = self._tree.poses(frame, REFERENCE, times)
-        self._say_what_is_missing(frame, len(times), int(poses.valid.sum()))
-        values = np.column_stack((poses.position, euler(poses.orientation)))[poses.valid]
+    def _rows(
+        self, number: int, trees: list[TransformTree]
+    ) -> Iterator[tuple[int, int, int, bytes]]:
+        """Yield episode, time of receipt [ns], frame number and line of each pose of a frame."""
+        frame, stamps, known = self._frames[number], 0, 0
         name = text_cell(frame.encode())
-        for time, row in zip(received[poses.valid].tolist(), values.tolist(), strict=True):
-            yield time, b"%b,%b,%b" % (name, seconds_cell(time), number_text(row))
+        for episode, tree in enumerate(trees, 1):
+            times, received = tree.stamps(frame)
+            poses = tree.poses(frame, self._root, times)
+            values = np.column_stack((poses.position, euler(poses.orientation)))[poses.valid]
+            stamps, known = stamps + len(times), known + len(values)
+            end = b",%d" % episode if len(trees) > 1 else b""
+            for time, row in zip(received[poses.valid].tolist(), values.tolist(), strict=True):
+                line = b"%b,%b,%b%b" % (name, seconds_cell(time), number_text(row), end)
+                yield episode, time, number, line
+        self._report_missing(frame, stamps, known)
 
-    def _say_what_is_missing(self, frame: str, stamps: int, known: int) -> None:
-        name, frames = self._context.bag.name, self._tree.frames
-        if frame not in frames or REFERENCE not in frames:
-            unknown = frame if frame not in frames else REFERENCE
-            self._context.warn(f"{name} has no frame {unknown}; it has {', '.join(frames)}")
+    def _report_missing(self, frame: str, stamps: int, known: int) -> None:
+        name, frames = self._context.bag.name, self._transforms.frames
+        unknown = next((one for one in (frame, self._root) if one not in frames), None)
+        if frames and unknown is not None:
+            parameter = "frames" if unknown == frame else "root_frame"
+            self._context.warn(
+                f"{name} has no frame {unknown}; it has {', '.join(frames)}. "
+                f"Set `{parameter}` to one of them"
+            )
         elif known < stamps:
             self._context.warn(
-                f"{stamps - known} of {stamps} poses of {frame} in {REFERENCE} are left out: "
+                f"{stamps - known} of {stamps} poses of {frame} in {self._root} are left out: "
                 "the transforms between them do not cover these times"
             )
+
+    def _nothing(self) -> str:
+        """Return the warning that there are no transforms, with the topics that have some."""
+        topics = self._context.topics
+        others = sorted(
+            name for name in topics if topics[name] == _TYPE and not name.endswith("_static")
+        )
+        if not others or self._topic in topics:
+            return nothing_on(self._context, self._topic)
+        return (
+            f"{self._context.bag.name} has no transform on {self._topic}; it has transforms on "
+            f"{', '.join(others)}. Set `tf_topic` to one of them"
+        )

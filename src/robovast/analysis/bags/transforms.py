@@ -1,4 +1,4 @@
-"""The transform tree over the whole time of a bag.
+"""The transform trees of a bag: one for each episode.
 
 Poses between two stamps are interpolated like in tf2: linearly in position, spherically in
 orientation. Poses are never extrapolated.
@@ -14,12 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from robovast.analysis.episodes import Times, episode_starts
+
 Floats = NDArray[np.float64]
-Times = NDArray[np.int64]
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _NORM_TOLERANCE = 1e-2
+_SAME = 1_000_000_000
+"""Time of receipt within which jumps of several frames belong to one jump [ns]."""
 _SIZE = 56
 """Seven numbers in bytes: position x, y, z [m] and orientation x, y, z, w."""
 
@@ -29,10 +32,10 @@ _LENGTHS = {order: Struct(f"{order}I").unpack_from for order in "<>"}
 
 
 class _Recorded(NamedTuple):
-    """Serialized transforms, and their times of receipt [ns]."""
+    """Serialized transforms, and the numbers of their messages."""
 
     transforms: bytearray
-    received: array[int]
+    messages: array[int]
 
 
 _Found = dict[str, dict[bytes, _Recorded]]
@@ -51,37 +54,47 @@ class Poses(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """n transforms of a frame, in any order."""
+    """n valid transforms of a frame in order of receipt."""
 
-    parents: list[str]
+    names: list[str]
+    """Names of the parents."""
+    parents: Indices
+    """(n,) indexes of names."""
     times: Times
-    """(n,) [ns]"""
+    """(n,) stamps [ns]"""
     received: Times
     """(n,) times of receipt [ns]"""
+    places: Times
+    """(n,) places in the order of receipt of all messages."""
     values: Floats
     """(n, 7) position [m] and orientation."""
 
+    def part(self, kept: Indices) -> _Samples:
+        """Return the transforms at some indexes."""
+        return _Samples(
+            self.names,
+            self.parents[kept],
+            self.times[kept],
+            self.received[kept],
+            self.places[kept],
+            self.values[kept],
+        )
+
+    def moment(self, index: int) -> _Moment:
+        """Return the moment of one transform."""
+        return _Moment(int(self.places[index]), int(self.received[index]), int(self.times[index]))
+
 
 class _Link:
-    """A frame's pose in its parent over time; the parent may change."""
+    """A frame's pose in its parent during an episode; the parent may change."""
 
-    def __init__(self, child: str, samples: _Samples, static: bool) -> None:
-        times, values = samples.times, samples.values
-        self.names = sorted(set(samples.parents))
-        number = {name: index for index, name in enumerate(self.names)}
-        parents = np.array([number[name] for name in samples.parents])
-        usable = np.array([bool(name) and name != child for name in self.names])
-        norms = np.sum(values[:, 3:] ** 2, axis=1)
-        sound = np.isfinite(values).all(axis=1) & (np.abs(norms - 1) < _NORM_TOLERANCE)
-        sound &= usable[parents]
-        self.rejected = int((~sound).sum())
+    def __init__(self, samples: _Samples, static: bool) -> None:
+        if not static:  # the first transform of those with equal stamps counts
+            samples = samples.part(np.unique(samples.times, return_index=True)[1])
         self.static = static
-        keep = _order(times, np.flatnonzero(sound), static)
-        self.times = times[keep]
-        self.received = samples.received[keep]
-        self.parents: Indices = parents[keep]
-        self.position: Floats = values[keep, :3]
-        self.orientation: Floats = values[keep, 3:]
+        self.names, self.parents, self.times, self.received, _, values = samples
+        self.position: Floats = values[:, :3]
+        self.orientation: Floats = values[:, 3:]
 
     def at(self, times: Times) -> tuple[Indices, Poses]:
         """Index of the parent, and pose in it, at each of n times."""
@@ -107,21 +120,51 @@ def _frame(name: bytes) -> str:
     return name.decode("utf-8", "backslashreplace").lstrip("/")
 
 
-def _order(times: Times, sound: Indices, static: bool) -> Indices:
-    """Indexes of valid samples by time: the last static one, the first of equal stamps."""
-    if static:
-        return sound[np.argsort(times[sound], kind="stable")][-1:]
-    _, first = np.unique(times[sound], return_index=True)
-    kept: Indices = sound[first]
-    return kept
+class _Moment(NamedTuple):
+    """When a transform was received and what it states."""
+
+    place: int
+    received: int
+    """[ns]"""
+    stamp: int
+    """[ns]"""
 
 
-class TransformTree:
-    """All transforms of a recording."""
+class _Jump(NamedTuple):
+    """A jump back in time: the end of an episode and the start of the next."""
+
+    old: _Moment
+    """The last transform before the jump of the first frame that jumps."""
+    new: _Moment
+    """The next transform of that frame."""
+    starts: dict[str, int]
+    """Index of the first transform after the jump, of each frame whose own stamps jump."""
+
+    def precedes(self, order: Times, stamps: Times, old: int, new: int) -> Mask:
+        """Whether the jump precedes messages; messages between both ends belong to the nearer one.
+
+        Args:
+            order: (n,) places or times of receipt.
+            stamps: (n,) [ns].
+            old: place or time of receipt of the old end.
+            new: place or time of receipt of the new end.
+        """
+        nearer = stamps - self.new.stamp <= self.old.stamp - stamps
+        later: Mask = (order > new) | ((order >= old) & nearer)
+        return later
+
+
+class Transforms:
+    """All transforms of a recording.
+
+    A jump back in time of a frame's stamps begins a new episode for all frames. As in tf2, moving
+    transforms hold in their own episode only, and fixed transforms survive.
+    """
 
     def __init__(self) -> None:
         self._moving: _Found = {"<": {}, ">": {}}
         self._fixed: _Found = {"<": {}, ">": {}}
+        self._received = array("q")
 
     def add(self, data: bytes, static: bool, received: int) -> None:
         """Add a serialized tf2_msgs/msg/TFMessage.
@@ -141,6 +184,8 @@ class TransformTree:
         found = (self._fixed if static else self._moving)[order]
         message = data[4:]
         (count,) = length(message, 0)
+        number = len(self._received)
+        self._received.append(received)
         offset = 4
         for _ in range(count):
             (size,) = length(message, offset + 8)
@@ -156,50 +201,125 @@ class TransformTree:
             except KeyError:
                 recorded = found[names] = _Recorded(bytearray(), array("q"))
             recorded.transforms.extend(transform)
-            recorded.received.append(received)
+            recorded.messages.append(number)
             offset = values + _SIZE
 
     @cached_property
-    def _links(self) -> dict[str, _Link]:
-        """Links by frame; call this only after all transforms have been added."""
-        return {
-            child: _Link(child, samples, static)
-            for found, static in ((self._fixed, True), (self._moving, False))
-            for child, samples in _samples(found).items()
-        }
+    def _samples(self) -> list[dict[str, _Samples]]:
+        """Moving and fixed transforms by frame; call this only after all have been added."""
+        received = np.array(self._received, dtype=np.int64)
+        places = np.empty_like(received)
+        places[np.argsort(received, kind="stable")] = np.arange(len(received))
+        return [_samples(found, received, places) for found in (self._moving, self._fixed)]
 
     @property
     def rejected(self) -> int:
         """Number of transforms not finite, not normalized, without parent or to themselves."""
-        return sum(link.rejected for link in self._links.values())
+        groups = (group for found in (self._moving, self._fixed) for group in found.values())
+        recorded = sum(len(one.messages) for group in groups for one in group.values())
+        return recorded - sum(len(s.times) for found in self._samples for s in found.values())
 
     @cached_property
-    def _sound(self) -> dict[str, _Link]:
-        return {child: link for child, link in self._links.items() if child and len(link.times)}
+    def _jumps(self) -> list[_Jump]:
+        moving = self._samples[0]
+        starts = [
+            (int(samples.places[index]), frame, index)
+            for frame, samples in moving.items()
+            for index in episode_starts(samples.times, samples.received)
+        ]
+        jumps: list[_Jump] = []
+        for _, frame, index in sorted(starts):
+            old, new = moving[frame].moment(index - 1), moving[frame].moment(index)
+            last = jumps[-1] if jumps else None
+            same = last and (
+                old.place <= last.new.place or new.received - last.new.received <= _SAME
+            )
+            if last and same and frame not in last.starts:
+                last.starts[frame] = index
+            else:
+                jumps.append(_Jump(old, new, {frame: index}))
+        return jumps
+
+    def episodes(self, stamps: Times, received: Times) -> Indices:
+        """Return the index of the tree of each of n other messages.
+
+        Args:
+            stamps: (n,) [ns].
+            received: (n,) times of receipt [ns].
+        """
+        numbers = np.zeros(len(stamps), dtype=np.int64)
+        for jump in self._jumps:
+            numbers += jump.precedes(received, stamps, jump.old.received, jump.new.received)
+        return numbers
+
+    def _episodes(self, frame: str, samples: _Samples, static: bool) -> Indices:
+        """Return the index of the tree of each of a frame's own transforms."""
+        numbers = np.zeros(len(samples.times), dtype=np.int64)
+        for jump in self._jumps:
+            start = None if static else jump.starts.get(frame)
+            if start is None:
+                numbers += jump.precedes(
+                    samples.places, samples.times, jump.old.place, jump.new.place
+                )
+            else:
+                numbers[start:] += 1
+        return numbers
+
+    @cached_property
+    def trees(self) -> list[TransformTree]:
+        """The tree of each episode; there is at least one."""
+        links: list[dict[str, _Link]] = [{} for _ in range(len(self._jumps) + 1)]
+        moving, fixed = self._samples
+        for frame, samples in fixed.items():
+            numbers = self._episodes(frame, samples, static=True)
+            for episode, tree in enumerate(links):
+                last = np.flatnonzero(numbers <= episode)[-1:]
+                tree[frame] = _Link(samples.part(last if len(last) else np.array([0])), True)
+        for frame, samples in moving.items():
+            numbers = self._episodes(frame, samples, static=False)
+            for episode in np.unique(numbers).tolist():
+                links[episode][frame] = _Link(
+                    samples.part(np.flatnonzero(numbers == episode)), False
+                )
+        return [TransformTree(tree) for tree in links]
 
     @property
     def frames(self) -> list[str]:
         """All frames, sorted."""
-        parents = {name for link in self._sound.values() for name in link.names}
-        return sorted(parents | set(self._sound))
+        return sorted({frame for tree in self.trees for frame in tree.frames})
+
+
+class TransformTree:
+    """All transforms of one episode."""
+
+    def __init__(self, links: dict[str, _Link]) -> None:
+        self._links = links
+
+    @cached_property
+    def frames(self) -> list[str]:
+        """All frames, sorted."""
+        parents = {
+            link.names[one] for link in self._links.values() for one in np.unique(link.parents)
+        }
+        return sorted(parents | set(self._links))
 
     def root(self, frame: str) -> str:
-        """The outermost frame above a frame at the end of the recording."""
+        """The outermost frame above a frame at the end of the episode."""
         seen: set[str] = set()
-        while frame in self._sound and frame not in seen:
+        while frame in self._links and frame not in seen:
             seen.add(frame)
-            link = self._sound[frame]
+            link = self._links[frame]
             frame = link.names[link.parents[-1]]
         return frame
 
     def stamps(self, frame: str) -> tuple[Times, Times]:
         """Stamps of a frame, or of what it is fixed to, and their times of receipt [ns]."""
         seen: set[str] = set()
-        while frame in self._sound and frame not in seen:
+        while frame in self._links and frame not in seen:
             seen.add(frame)
-            link = self._sound[frame]
+            link = self._links[frame]
             parent = link.names[link.parents[-1]]
-            if not link.static or parent not in self._sound:
+            if not link.static or parent not in self._links:
                 return link.times, link.received
             frame = parent
         nothing = np.zeros(0, dtype=np.int64)
@@ -232,10 +352,10 @@ class TransformTree:
         """Walk up the tree to `stop` or a root; return that frame's name and the pose in it."""
         count = len(times)
         ends = np.full(count, frame, dtype=object)
-        if frame == stop or frame not in self._sound:
+        if frame == stop or frame not in self._links:
             identity = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
             return ends, Poses(np.zeros((count, 3)), identity, np.ones(count, dtype=bool))
-        link = self._sound[frame]
+        link = self._links[frame]
         parents, poses = link.at(times)
         if frame in seen:  # a cycle
             return ends, poses._replace(valid=np.zeros(count, dtype=bool))
@@ -250,21 +370,34 @@ class TransformTree:
         return ends, Poses(position, orientation, valid)
 
 
-def _samples(found: _Found) -> dict[str, _Samples]:
-    """Transforms by child frame."""
-    samples: dict[str, _Samples] = {}
+def _samples(found: _Found, received: Times, places: Times) -> dict[str, _Samples]:
+    """Valid transforms by child frame, given each message's time of receipt and place."""
+    parts: dict[str, list[tuple[str, Times, Times, Floats]]] = {}
     groups = ((order, *item) for order, group in found.items() for item in group.items())
-    for order, names, (transforms, received) in groups:
+    for order, names, (transforms, messages) in groups:
         parent, child = _names(order, names)
         raw = np.frombuffer(transforms, np.uint8).reshape(-1, 8 + len(names) + _SIZE)
         stamps = np.ascontiguousarray(raw[:, :8]).view(f"{order}i4").astype(np.int64)
         stamps[:, 1] &= 0xFFFFFFFF  # nanoseconds are unsigned
-        values = np.ascontiguousarray(raw[:, -_SIZE:]).view(f"{order}f8").astype(np.float64)
         times = stamps @ np.array([1_000_000_000, 1])
-        new = _Samples([parent] * len(values), times, np.array(received, dtype=np.int64), values)
-        old = samples.get(child)
-        samples[child] = _joined(old, new) if old else new
-    return samples
+        values = np.ascontiguousarray(raw[:, -_SIZE:]).view(f"{order}f8").astype(np.float64)
+        norms = np.sum(values[:, 3:] ** 2, axis=1)
+        valid = np.isfinite(values).all(axis=1) & (np.abs(norms - 1) < _NORM_TOLERANCE)
+        if valid.any() and parent and child and parent != child:
+            numbers = np.array(messages, dtype=np.int64)[valid]
+            parts.setdefault(child, []).append((parent, times[valid], numbers, values[valid]))
+    return {child: _joined(several, received, places) for child, several in parts.items()}
+
+
+def _joined(
+    parts: list[tuple[str, Times, Times, Floats]], received: Times, places: Times
+) -> _Samples:
+    """Transforms of a frame with several parents, in order of receipt."""
+    names = sorted({parent for parent, *_ in parts})
+    parents = np.repeat([names.index(parent) for parent, *_ in parts], [len(p[1]) for p in parts])
+    times, numbers, values = (np.concatenate(kind) for kind in list(zip(*parts, strict=True))[1:])
+    samples = _Samples(names, parents, times, received[numbers], places[numbers], values)
+    return samples.part(np.argsort(samples.places, kind="stable"))
 
 
 def _names(order: str, names: bytes) -> tuple[str, str]:
@@ -274,15 +407,6 @@ def _names(order: str, names: bytes) -> tuple[str, str]:
     start = (size + 7) & -4
     (child_size,) = length(names, start)
     return _frame(names[4 : 3 + size]), _frame(names[start + 4 : start + 3 + child_size])
-
-
-def _joined(one: _Samples, other: _Samples) -> _Samples:
-    return _Samples(
-        one.parents + other.parents,
-        np.concatenate((one.times, other.times)),
-        np.concatenate((one.received, other.received)),
-        np.concatenate((one.values, other.values)),
-    )
 
 
 def slerp(start: Floats, end: Floats, share: Floats) -> Floats:

@@ -36,6 +36,8 @@ _ENCODINGS = {
 }
 """Pixel format and bytes per pixel of each encoding of raw images."""
 _OPTIONS = {"deadline": "realtime", "cpu-used": "8", "crf": "32", "b": "0", "lag-in-frames": "0"}
+_JITTER = 500
+"""Difference up to which an image may be earlier than a previous one in the same episode [ms]."""
 _MILLISECONDS = Fraction(1, 1000)
 
 
@@ -120,12 +122,17 @@ class _Video:
         self._last = -1
 
     def add(self, frame: VideoFrame, time: int) -> None:
-        """Append a frame; if the time [ns] does not advance, the nominal frame rate is used."""
+        """Append a frame; if the time [ns] does not advance, the nominal frame rate is used.
+
+        After a jump back in time, the video continues with the times of the new episode.
+        """
         if self._container is None:
             self._open(frame, time)
         moment = (time - self._start) // 1_000_000
         if moment <= self._last:
-            moment = self._last + max(1, round(1000 / self._fps))
+            lost, moment = self._last - moment, self._last + max(1, round(1000 / self._fps))
+            if lost > _JITTER:
+                self._start = time - moment * 1_000_000
         self._last = moment
         frame = frame.reformat(self._stream.width, self._stream.height, "yuv420p")
         frame.pts, frame.time_base = moment, _MILLISECONDS

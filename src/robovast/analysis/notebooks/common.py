@@ -9,9 +9,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import yaml
+from numpy.typing import NDArray
 
+from robovast.analysis.episodes import episode_starts
 from robovast.base.safe_paths import open_file, read_file
 from robovast.base.yaml_files import parse_yaml, read_mapping
 from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, TEST_RESULT, VARIANT_RECORD
@@ -360,25 +363,38 @@ _SPEEDS = [
 ]
 
 
+_GROUPS: Any = {"sort": False, "observed": True, "dropna": False}
+_JUMPS = "jumps back in time"
+
+
+def _jumps(times: pd.Series[float]) -> NDArray[np.int64]:
+    """Return the number of jumps back in time up to each of n timestamps [s]."""
+    stamps = np.nan_to_num(times.to_numpy(float) * 1e9).astype(np.int64)
+    numbers = np.zeros_like(stamps)
+    numbers[episode_starts(stamps, numbers)] = 1
+    return np.cumsum(numbers)
+
+
 def calculate_speeds_from_poses(df: pd.DataFrame) -> pd.DataFrame:
-    """Speeds between consecutive poses of the same run and frame.
+    """Return speeds between consecutive poses of the same run, frame and episode.
 
     Args:
         df: content of poses.csv (`timestamp` [s], `position.x`, `position.y` [m],
-            `orientation.yaw` [rad]); the columns `run`, `config` and `frame` separate runs and
-            frames.
+            `orientation.yaw` [rad]); the columns `run`, `config`, `frame` and `episode` separate
+            runs, frames and episodes. A timestamp that jumps back begins an episode, too.
 
     Returns:
         Rows `run, config, position.x, position.y, orientation.yaw, timestamp, linear_speed` [m/s],
-        `angular_speed` [rad/s], `dt` [s]; without the last pose of each run, and without poses
+        `angular_speed` [rad/s], `dt` [s]; without the last pose of each episode, and without poses
         that are followed by another within a microsecond.
     """
-    groups = [name for name in ("run", "config", "frame") if name in df]
+    groups = [name for name in ("run", "config", "frame", "episode") if name in df]
+    times = df.groupby(groups, **_GROUPS)["timestamp"] if groups else df["timestamp"]
+    df = df.assign(**{_JUMPS: times.transform(_jumps)})
+    groups.append(_JUMPS)
     ordered = df.sort_values([*groups, "timestamp"], kind="stable")
     values = ["timestamp", "position.x", "position.y", "orientation.yaw"]
-    ahead = (
-        ordered.groupby(groups, sort=False, observed=True)[values] if groups else ordered[values]
-    ).shift(-1)
+    ahead = ordered.groupby(groups, **_GROUPS)[values].shift(-1)
     step = ahead - ordered[values]
     turn = (step["orientation.yaw"] + math.pi) % (2 * math.pi) - math.pi
     distance = (step["position.x"] ** 2 + step["position.y"] ** 2) ** 0.5

@@ -10,6 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
+from robovast.analysis.episodes import episode_starts
+
 SECOND = 1_000_000_000
 _SAME_PACE = 0.1
 """Difference in pace up to which recording and stamps count as equally fast."""
@@ -66,9 +70,11 @@ def make_clock(
     """
     remarks: list[str] = []
     if jump := _jump(stamps):
+        episodes = len(episode_starts(*np.array(stamps, np.int64).T[::-1])) + 1
+        known = f" The recording has at least {episodes} episodes." if episodes > 1 else ""
         remarks.append(
             f"The stamps of the robot's poses jump {jump}, so the time line is that of the "
-            "recording."
+            f"recording.{known}"
         )
     elif simulated := _simulated(start, end, stamps):
         return simulated

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from struct import Struct, error
 from typing import Any
 
@@ -14,7 +14,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from robovast.analysis.bags.definitions import DefinitionError, typestore_of
-from robovast.analysis.bags.transforms import Poses, TransformTree, euler
+from robovast.analysis.bags.transforms import Poses, Transforms, TransformTree, euler
 from robovast.evaluation.drive.recording import Message, Topic
 from robovast.evaluation.drive.roles import ESTIMATE, FIXED, ODOMETRY
 
@@ -72,9 +72,9 @@ def decoder(topic: Topic) -> Decoder:
 
 @dataclass
 class Frames:
-    """The transform tree during one part of a drive."""
+    """The transforms during one part of a drive."""
 
-    tree: TransformTree = field(default_factory=TransformTree)
+    transforms: Transforms = field(default_factory=Transforms)
     damaged: int = 0
     _mounts: dict[str, Mount | None] = field(default_factory=dict)
 
@@ -82,50 +82,57 @@ class Frames:
         """Add messages with transforms."""
         for message in messages:
             try:
-                self.tree.add(message.data, message.topic == FIXED, message.time)
+                self.transforms.add(message.data, message.topic == FIXED, message.time)
             except UNDECODABLE:
                 self.damaged += 1
+
+    @cached_property
+    def names(self) -> list[str]:
+        """All frames; call this only after all messages have been added."""
+        return self.transforms.frames
 
     @property
     def base(self) -> str:
         """The robot's frame."""
-        frames = self.tree.frames
-        return next((name for name in BASES if name in frames), BASES[0])
+        return next((name for name in BASES if name in self.names), BASES[0])
 
-    @property
-    def ground(self) -> str:
+    def ground(self, tree: TransformTree) -> str:
         """The frame that poses are shown in: the map, or the outermost that the robot is in."""
-        if _REFERENCE in self.tree.frames:
-            return _REFERENCE
-        return self.tree.root(self.base)
+        return _REFERENCE if _REFERENCE in self.names else tree.root(self.base)
 
-    def on_map(self, frame: str, stamps: Moments) -> Poses | None:
+    def on_map(self, frame: str, stamps: Moments, received: Moments) -> Poses | None:
         """Poses of a frame on the map, the nearest known ones; None if there is no way."""
-        frames = self.tree.frames
-        if frame == _REFERENCE or frame not in frames or _REFERENCE not in frames:
+        if frame == _REFERENCE or frame not in self.names or _REFERENCE not in self.names:
             return None
-        known, _ = self.tree.stamps(frame)
-        if len(known):
-            stamps = np.clip(stamps, known[0], known[-1])
-        poses = self.tree.poses(frame, _REFERENCE, stamps)
-        return poses if poses.valid.any() else None
+        return self._in(frame, _REFERENCE, stamps, received)
 
-    def mount(self, frame: str, stamp: int) -> Mount | None:
+    def _in(self, frame: str, reference: str, stamps: Moments, received: Moments) -> Poses | None:
+        """Poses of a frame in another one, each in its episode; None if none is known."""
+        count = len(stamps)
+        found = Poses(np.zeros((count, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)), stamps < 0)
+        episodes = self.transforms.episodes(stamps, received)
+        for episode in np.unique(episodes).tolist():
+            here, tree = episodes == episode, self.transforms.trees[episode]
+            known, _ = tree.stamps(frame)
+            times = np.clip(stamps[here], known[0], known[-1]) if len(known) else stamps[here]
+            for all_, part in zip(found, tree.poses(frame, reference, times), strict=True):
+                all_[here] = part
+        return found if found.valid.any() else None
+
+    def mount(self, frame: str, stamp: int, received: int) -> Mount | None:
         """Where a sensor is on the robot, during the whole part; None if it is not known."""
         if frame not in self._mounts:
-            self._mounts[frame] = self._mount(frame.lstrip("/"), stamp)
+            self._mounts[frame] = self._mount(frame.lstrip("/"), stamp, received)
         return self._mounts[frame]
 
-    def _mount(self, frame: str, stamp: int) -> Mount | None:
+    def _mount(self, frame: str, stamp: int, received: int) -> Mount | None:
         base = self.base
         if frame == base:
             return np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])
-        if frame not in self.tree.frames or base not in self.tree.frames:
+        if frame not in self.names or base not in self.names:
             return None
-        known, _ = self.tree.stamps(frame)
-        moment = int(np.clip(stamp, known[0], known[-1])) if len(known) else stamp
-        poses = self.tree.poses(frame, base, np.array([moment]))
-        return (poses.position[0], poses.orientation[0]) if poses.valid[0] else None
+        poses = self._in(frame, base, np.array([stamp]), np.array([received]))
+        return (poses.position[0], poses.orientation[0]) if poses else None
 
 
 @dataclass
@@ -172,7 +179,8 @@ def track_of(kind: str, messages: Sequence[Message], decode: Decoder, frames: Fr
 def _place(track: Track, rows: Floats, frame: str, frames: Frames) -> None:
     turned = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
     flat = np.column_stack((rows[:, :2], euler(turned)[:, 2]))
-    way = frames.on_map(frame, np.array(track.stamps, dtype=np.int64))
+    stamps, received = (np.array(kind, np.int64) for kind in (track.stamps, track.received))
+    way = frames.on_map(frame, stamps, received)
     if way is not None:
         yaw = euler(way.orientation)[:, 2]
         cos, sin = np.cos(yaw), np.sin(yaw)
@@ -187,20 +195,23 @@ def _place(track: Track, rows: Floats, frame: str, frames: Frames) -> None:
 def track_of_frames(frames: Frames, start: int, end: int) -> Track:
     """The robot's poses by transforms alone, received from `start` to before `end` [ns]."""
     track = Track()
-    stamps, received = frames.tree.stamps(frames.base)
-    inside = (received >= start) & (received < end)
-    if not inside.any():
-        return track
-    poses = frames.tree.poses(frames.base, frames.ground, stamps[inside])
-    track.received = received[inside][poses.valid].tolist()
-    track.stamps = stamps[inside][poses.valid].tolist()
-    yaw = euler(poses.orientation[poses.valid])[:, 2]
-    track.poses = np.column_stack((poses.position[poses.valid][:, :2], yaw))
-    track.placed = frames.ground == _REFERENCE
+    for tree in frames.transforms.trees:
+        stamps, received = tree.stamps(frames.base)
+        inside = (received >= start) & (received < end)
+        if not inside.any():
+            continue
+        ground = frames.ground(tree)
+        poses = tree.poses(frames.base, ground, stamps[inside])
+        track.received += received[inside][poses.valid].tolist()
+        track.stamps += stamps[inside][poses.valid].tolist()
+        yaw = euler(poses.orientation[poses.valid])[:, 2]
+        part = np.column_stack((poses.position[poses.valid][:, :2], yaw))
+        track.poses = np.concatenate((track.poses, part))
+        track.placed = track.placed and ground == _REFERENCE
     return track
 
 
-def scan_points(scan: Any, frames: Frames, stamp: int) -> tuple[list[int], bool]:
+def scan_points(scan: Any, frames: Frames, stamp: int, received: int) -> tuple[list[int], bool]:
     """Where a laser hits, seen from the robot: x, y, x, y, … [cm]; and whether its mount is known.
 
     Raises:
@@ -213,7 +224,7 @@ def scan_points(scan: Any, frames: Frames, stamp: int) -> tuple[list[int], bool]
     hit = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
     ranges, angles = ranges[hit], angles[hit]
     points = np.column_stack((ranges * np.cos(angles), ranges * np.sin(angles)))
-    mount = frames.mount(str(scan.header.frame_id), stamp)
+    mount = frames.mount(str(scan.header.frame_id), stamp, received)
     if mount is not None:
         points = _turned(points, mount[1]) + mount[0][:2]
     if not np.isfinite(points).all():
@@ -234,26 +245,26 @@ def _turned(points: Floats, orientation: Floats) -> Floats:
     return turned
 
 
-def path_points(path: Any, frames: Frames, stamp: int) -> list[list[float]]:
+def path_points(path: Any, frames: Frames, stamp: int, received: int) -> list[list[float]]:
     """Points of a planned path on the map [m]."""
     step = max(1, -(-len(path.poses) // MOST_POINTS))
     kept = [*path.poses[:-1:step], *path.poses[-1:]]
-    return list(
-        _on_map(((p.pose.position.x, p.pose.position.y) for p in kept), path, frames, stamp)
-    )
+    points = ((p.pose.position.x, p.pose.position.y) for p in kept)
+    return list(_on_map(points, path, frames, stamp, received))
 
 
-def outline(polygon: Any, frames: Frames, stamp: int) -> list[list[float]]:
+def outline(polygon: Any, frames: Frames, stamp: int, received: int) -> list[list[float]]:
     """Corners of a footprint on the map [m]."""
     corners = polygon.polygon.points[:100]
-    return list(_on_map(((corner.x, corner.y) for corner in corners), polygon, frames, stamp))
+    points = ((corner.x, corner.y) for corner in corners)
+    return list(_on_map(points, polygon, frames, stamp, received))
 
 
 def _on_map(
-    points: Iterable[tuple[float, float]], message: Any, frames: Frames, stamp: int
+    points: Iterable[tuple[float, float]], message: Any, frames: Frames, stamp: int, received: int
 ) -> Iterator[list[float]]:
     frame = str(message.header.frame_id).lstrip("/")
-    way = frames.on_map(frame, np.array([stamp], dtype=np.int64))
+    way = frames.on_map(frame, np.array([stamp], np.int64), np.array([received], np.int64))
     dx, dy, yaw = 0.0, 0.0, 0.0
     if way is not None:
         dx, dy = way.position[0, :2].tolist()

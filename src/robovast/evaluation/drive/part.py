@@ -123,6 +123,11 @@ class PartReader:
             frames.add(self._recording.before(MOVING, self._start))
             frames.add(self._messages[MOVING])
         self._damaged(MOVING, frames.damaged)
+        if (episodes := len(frames.transforms.trees)) > 1:
+            self._part.remarks.append(
+                f"The stamps on {MOVING} jump back here, as after a simulation reset: this part "
+                f"has {episodes} episodes."
+            )
         return frames
 
     def _add_poses(self, frames: Frames) -> None:
@@ -165,7 +170,7 @@ class PartReader:
         for message in messages:
             try:
                 stamp = stamp_of(message.data) or message.time
-                points, known = scan_points(decode and decode(message), frames, stamp)
+                points, known = scan_points(decode and decode(message), frames, stamp, message.time)
             except UNDECODABLE:
                 damaged += 1
                 continue
@@ -181,7 +186,7 @@ class PartReader:
     def _add_shapes(
         self,
         role: str,
-        read: Callable[[Any, Frames, int], Points],
+        read: Callable[[Any, Frames, int, int], Points],
         into: list[tuple[float, Points]],
         frames: Frames,
     ) -> None:
@@ -193,7 +198,8 @@ class PartReader:
         damaged = 0
         for message in [*self._recording.before(topic, self._start)[-1:], *self._messages[topic]]:
             try:
-                shape = read(decode(message), frames, stamp_of(message.data) or message.time)
+                stamp = stamp_of(message.data) or message.time
+                shape = read(decode(message), frames, stamp, message.time)
             except UNDECODABLE:
                 damaged += 1
                 continue

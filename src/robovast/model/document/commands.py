@@ -91,11 +91,15 @@ class TopicsToCsv(BagCommand):
 
 
 class TfToCsv(BagCommand):
-    """Writes the pose [m, rad] of each frame in `map` whenever the bag received one [s]."""
+    """Writes poses [m, rad] of frames in a root frame whenever the bag received one [s]."""
 
     command = "rosbags_tf_to_csv"
     frames: tuple[str, ...] = Field(default=("base_link",), min_length=1)
     csv_filename: FileName = "poses.csv"
+    root_frame: str = Field(default="map", min_length=1)
+    """The frame that poses are given in."""
+    tf_topic: str = Field(default="/tf", min_length=1)
+    """Topic of the transforms; fixed transforms are on `<tf_topic>_static`."""
 
 
 class BehaviorsToCsv(BagCommand):
