@@ -23,10 +23,23 @@ def counted(first: int, last: int) -> list[str]:
     return [f"{second}000000000" for second in range(first, last + 1)]
 
 
+def metres(first: int, last: int) -> list[str]:
+    return [f"{x}.0" for x in range(first, last + 1)]
+
+
 @pytest.mark.parametrize(
     ("case", "file", "count", "columns"),
     [
         ("b05-wstring", "rosbag2_name.csv", 20, {"label": ["Zürich"] * 20}),
+        (
+            "b07-simreset-moved",
+            "poses.csv",
+            22,
+            {"position.x": metres(0, 10) + metres(100, 110), "episode": ["1"] * 11 + ["2"] * 11},
+        ),
+        ("b08-namespaced-tf", "robot1.csv", 11, {"position.x": metres(0, 10)}),
+        ("b08-namespaced-tf", "robot2.csv", 11, {"position.x": metres(5, 15)}),
+        ("b09-odom-only", "poses.csv", 11, {"position.x": metres(0, 10)}),
         ("b11-timestamp-suffix", X, 20, {"timestamp": counted(1, 20)}),
         ("b13-def-crlf1", "rosbag2_m.csv", 3, {"n": ["7"] * 3, "x": ["2.5"] * 3}),
         ("b13-def-msgpath", "rosbag2_m.csv", 3, {}),

@@ -339,6 +339,16 @@ def test_images_whose_stamps_do_not_advance_follow_each_other_at_the_frame_rate(
     assert frames(tmp_path / "rosbag2_image.webm")[1] == [0, 0.1, 0.2]
 
 
+def test_a_video_continues_after_a_simulation_reset(tmp_path: Path) -> None:
+    with Bag(tmp_path / "rosbag2") as bag:
+        for received, stamp in enumerate([0, 1, 2, 0, 1, 2]):
+            header, data = bag.header(stamp, "camera"), encoded(50, "png")
+            image = bag.make("sensor_msgs/msg/CompressedImage", header, "png", data)
+            bag.write("/image", image, received)
+    convert(bag.folder, "rosbags_to_webm", topic="/image", fps=10)
+    assert frames(tmp_path / "rosbag2_image.webm")[1] == [0, 1, 2, 2.1, 3.1, 4.1]
+
+
 def test_damaged_images_are_left_out_and_without_any_there_is_no_video(tmp_path: Path) -> None:
     with Bag(tmp_path / "rosbag2") as bag:
         for topic, images in {"/some": [b"junk", None], "/none": [b"\x89PNG", b""]}.items():
