@@ -55,18 +55,17 @@ def record(
 
 @given(
     st.lists(
-        st.tuples(st.integers(3, 40), st.integers(0, 9), st.sampled_from([0.1, 0.5])),
+        st.tuples(st.integers(4, 40), st.integers(0, 9)),
         min_size=1,
         max_size=5,
     ),
     st.booleans(),
 )
-def test_every_episode_keeps_all_of_its_poses(
-    plan: list[tuple[int, int, float]], received: bool
-) -> None:
+def test_every_episode_keeps_all_of_its_poses(plan: list[tuple[int, int]], received: bool) -> None:
     """Whether stamps repeat exactly or lie between those of other episodes."""
     transforms = Transforms()
-    episodes = [[(k + shift / 10) * 0.5 for k in range(count)] for count, shift, _ in plan]
+    more = 0 if received else 3  # stamps alone cannot distinguish a few late messages
+    episodes = [[(k + shift / 10) * 0.5 for k in range(count + more)] for count, shift in plan]
     expected = record(episodes, transforms, received=received)
     assert found(transforms) == expected
 
