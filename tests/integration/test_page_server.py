@@ -7,8 +7,9 @@ import json
 import socket
 import subprocess
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
-from urllib.parse import quote
+from urllib.parse import quote, urlsplit
 from urllib.request import urlopen
 
 import pytest
@@ -97,7 +98,12 @@ def test_without_the_token_there_is_nothing(page: ShownPage, path: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", None, "[", "10.0.0.1"]
+    "host",
+    [
+        *("evil.example", "evil.example:80", "127.0.0.1.evil.example", "", None, "[", "10.0.0.1"),
+        *("evil@127.0.0.1", "localhost/evil", "localhost#evil", "localhost?evil", "localhost:80@x"),
+        *("a:b@localhost", "127.0.0.1:x", "localhost:", "localhost\\evil", "[::1]evil", "127.1"),
+    ],
 )
 def test_another_host_name_is_refused(page: ShownPage, host: str | None) -> None:
     """A site that lets its name point to this machine gets nothing."""
@@ -109,7 +115,10 @@ def test_a_forwarded_port_is_welcome(page: ShownPage, host: str) -> None:
     assert page.get("api/campaigns", Host=host).status == 200
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", "x"])
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "null", "http://127.0.0.1:1", "x", "", "http://[", "http://[::1", "//"],
+)
 def test_another_origin_is_refused(page: ShownPage, origin: str) -> None:
     assert page.get("api/campaigns", Origin=origin).status == 403
 
@@ -194,7 +203,53 @@ def test_a_player_gets_the_part_it_asks_for(page: ShownPage) -> None:
     ):
         answer = page.get(path, Range=asked)
         assert (answer.status, answer.body) == (206, body)
-    assert page.get(path, Range="bytes=256-").status == 416
+    for beyond in ("256-", f"{'9' * 5000}-", "-0", f"9-{'0' * 5000}8"):
+        assert page.get(path, Range=f"bytes={beyond}").status == 416
+    assert page.get(path, Range=f"bytes=0-{'9' * 5000}").status == 200
+    assert page.get(path, Range="bytes=\xb2-").status == 200, "not a range, so all of the file"
+
+
+@pytest.mark.parametrize("number", ["9" * 19, "9" * 5000, "0" * 5000, "-1", "%D9%A1", "1e3", "nan"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        f"api/campaigns/{NAME}/hall-1/{{}}",
+        f"api/drive/{NAME}/hall-1/{{}}",
+        f"api/drive/{NAME}/hall-1/0/{{}}",
+        f"api/drive/{NAME}/hall-1/0/{{}}/pictures",
+        f"api/log?path={NAME}/_jobs/job-0/logs/system.log&before={{}}&end={{}}",
+        f"api/log?path={NAME}/_jobs/job-0/logs/system.log&since={{}}&until={{}}",
+        f"api/notebooks?campaign={NAME}&batch={{}}",
+        f"api/search/{NAME}/sets?first={{}}&count={{}}",
+    ],
+)
+def test_no_number_is_a_fault_of_the_server(page: ShownPage, path: str, number: str) -> None:
+    assert page.get(path.format(number, number)).status < 500
+
+
+def test_an_upgrade_is_answered_as_any_request(page: ShownPage) -> None:
+    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+    key = {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ=="}
+    assert page.get("api/campaigns", **upgrade, **key).status == 200
+    assert page.get("api/campaigns", **upgrade, **key, Origin="http://evil.example").status == 403
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET / HTTP/1.1\r\n", b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"])
+def test_waiting_connections_lock_nobody_out(page: ShownPage, sent: bytes) -> None:
+    place = urlsplit(page.address)
+    held = [socket.create_connection((place.hostname, place.port)) for _ in range(400)]
+    try:
+        for one in held:
+            with suppress(OSError):
+                one.sendall(sent)
+        assert page.get("api/campaigns").status == 200
+        held[-1].settimeout(PATIENCE)
+        with suppress(ConnectionResetError):
+            while held[-1].recv(1 << 16):
+                pass  # closed by the server in the end
+    finally:
+        for one in held:
+            one.close()
 
 
 def test_names_with_markup_are_data(page: ShownPage) -> None:

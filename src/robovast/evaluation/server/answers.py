@@ -24,7 +24,7 @@ _SHOWN = {
 }
 """Types that a browser may display; it may only save others."""
 _CHUNK = 1 << 18
-_RANGE = re.compile(r"bytes=(\d*)-(\d*)")
+_RANGE = re.compile(r"bytes=([0-9]*)-([0-9]*)")
 
 
 class Data(JSONResponse):
@@ -100,9 +100,14 @@ def _part(header: str | None, size: int) -> tuple[int, int] | None:
     if asked is None or not any(asked.groups()):
         return 0, size
     first, last = asked.groups()
-    start = int(first) if first else max(0, size - int(last))
-    end = min(size, int(last) + 1) if first and last else size
+    start = _offset(first) if first else max(0, size - _offset(last))
+    end = min(size, _offset(last) + 1) if first and last else size
     return (start, end) if start < end else None
+
+
+def _offset(digits: str) -> int:
+    """An offset; of more digits than a file's size can have, the first ones count."""
+    return int(digits.lstrip("0")[:19] or 0)
 
 
 def _chunks(file: BinaryIO, start: int, end: int) -> Iterator[bytes]:

@@ -8,14 +8,17 @@ guess their types and to show them in frames.
 
 from __future__ import annotations
 
+import re
 import secrets
-from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
+LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
+"""Names of this machine."""
+_HOST = re.compile(rf"({'|'.join(map(re.escape, LOOPBACK))})(:[0-9]{{1,5}})?", re.IGNORECASE)
+"""One of them, with any port, since ports may be forwarded."""
 
 POLICY = "; ".join(
     (
@@ -66,10 +69,11 @@ class Guard:
 
     def _refusal(self, scope: Scope) -> PlainTextResponse | None:
         headers = Headers(scope=scope)
-        if not _is_loopback(f"//{headers.get('host', '')}"):
+        hosts = headers.getlist("host")
+        if len(hosts) != 1 or not _HOST.fullmatch(hosts[0]):
             return PlainTextResponse("This page answers to localhost only.", 421)
         origin = headers.get("origin")
-        if origin is not None and urlsplit(origin).netloc != headers["host"]:
+        if origin is not None and origin.partition("://")[2] != hosts[0]:
             return PlainTextResponse("Another site's request is not answered.", 403)
         if headers.get("sec-fetch-site", "none") not in {"none", "same-origin"} and (
             headers.get("sec-fetch-mode") != "navigate"
@@ -83,14 +87,6 @@ class Guard:
                 "Open the address that `vast` printed: it holds a secret.", 403
             )
         return None
-
-
-def _is_loopback(url: str) -> bool:
-    """Whether a URL refers to this machine, with any port, since ports may be forwarded."""
-    try:
-        return urlsplit(url).hostname in LOOPBACK
-    except ValueError:
-        return False
 
 
 def _with_headers(send: Send) -> Send:

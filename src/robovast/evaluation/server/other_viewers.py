@@ -145,7 +145,7 @@ def _file_app(path: Path, name: str) -> Callable[[str], ASGIApp]:
             allow_private_network=True,
             expose_headers=["accept-ranges", "content-length", "content-range"],
         )
-        local = Middleware(TrustedHostMiddleware, allowed_hosts=sorted(LOOPBACK))
+        local = Middleware(TrustedHostMiddleware, allowed_hosts=LOOPBACK)
         return Starlette(routes=[Route("/{token}/{name}", answer)], middleware=[local, shared])
 
     return make

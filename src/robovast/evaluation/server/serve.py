@@ -19,6 +19,7 @@ from robovast.base.errors import InputError
 from robovast.evaluation.library import Library
 from robovast.evaluation.notebooks.runner import TIMEOUT, Runner
 from robovast.evaluation.server.app import make_app
+from robovast.evaluation.server.connections import Connection
 from robovast.evaluation.server.launches import LaunchPages, Starting
 from robovast.evaluation.server.live import versions
 from robovast.evaluation.server.notebooks import NotebookPages
@@ -107,7 +108,8 @@ def serve_app(
             access_log=False,
             server_header=False,
             lifespan="off",
-            limit_concurrency=64,
+            http=Connection,
+            ws="none",
             timeout_graceful_shutdown=GRACE,
         )
 
