@@ -6,15 +6,21 @@ import os
 import shutil
 import tarfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from support.campaigns.local import make_campaign, resume, run
+from support.campaigns.local import Recorder, make_campaign, resume, run
 
-from robovast.base.errors import RobovastError
+from robovast.base.errors import CannotRunError, RobovastError
+from robovast.campaign.imported import MARK, is_imported
 from robovast.campaign.importing import import_archive
+from robovast.campaign.merge import merge_campaigns
+from robovast.execution.local import LocalOptions, replay_run
+from robovast.execution.local.replay import find_run
+from robovast.search import local as search
 
 OWN = "key of the user\n"
 
@@ -101,6 +107,75 @@ def test_continuing_leaves_everything_else_alone(
     assert (home / ".ssh" / "authorized_keys").read_text() == OWN
     assert sorted(path.name for path in home.iterdir()) == [".ssh", "results"]
     assert {path: path.read_bytes() for path in (campaign / "_config").rglob("*.*")} == inputs
+
+
+def test_an_archive_neither_brings_nor_removes_the_mark(executed: Path, tmp_path: Path) -> None:
+    def change(campaign: Path) -> None:
+        (campaign / MARK).mkdir()
+        (campaign / MARK / "x").touch()
+
+    assert not is_imported(executed)
+    for number, spoil in enumerate((change, lambda _: None)):
+        folder = tmp_path / f"{number}"
+        folder.mkdir()
+        campaign = import_archive(packed(executed, folder, spoil), folder / "results")
+        assert (campaign / MARK).is_file()
+        merged = folder / "merged-2026-01-01-000000"
+        merge_campaigns([campaign], merged)
+        assert is_imported(merged)
+
+
+def test_an_imported_campaign_runs_in_a_container_only(
+    executed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its records say `process`; only the user may choose that."""
+    monkeypatch.setattr("robovast.execution.local.choose.engine_answers", lambda _: False)
+    campaign = import_archive(packed(executed, tmp_path, lambda _: None), tmp_path / "results")
+    stored = find_run(campaign / "one-1" / "0")
+    assert stored.record.runtime == "process"
+    for runtime in ("auto", "same"):
+        options = LocalOptions(runtime=runtime)
+        with pytest.raises(CannotRunError, match="imported, so its runs need a container"):
+            replay_run(stored, tmp_path / "again", 1, options, Recorder())
+    with pytest.raises(CannotRunError, match="imported, so its runs need a container"):
+        resume(campaign, runtime="auto")
+    assert not (tmp_path / "again").exists()
+    typed = LocalOptions(runtime="process")
+    again = replay_run(stored, tmp_path / "again", 1, typed, Recorder()).campaign
+    assert is_imported(again), "its inputs are still those of the archive"
+    (campaign / MARK).unlink()
+    assert len(resume(campaign, runtime="auto").records) == 3
+
+
+PLUGIN = "open({!r}, 'w').close()\nclass Own: pass\n"
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        "configuration: [{name: one, variations: [{'evil.py:Own': {}}]}]",
+        "configuration: [{name: one}]\nsearch: {strategy: evil.py:Own, extract: evil.py:Own}",
+        "configuration: [{name: one}]\nresults_processing: {postprocessing: [evil.py:Own]}",
+    ],
+)
+def test_no_plugin_of_an_imported_campaign_is_loaded(
+    executed: Path, tmp_path: Path, section: str
+) -> None:
+    def change(campaign: Path) -> None:
+        text = PLUGIN.format(str(tmp_path / "loaded")) + "# get_files_to_copy\n"
+        (campaign / "_config" / "evil.py").write_text(text)
+        execution = "execution: {scenario_file: scenario.osc, image: robots/hall}\n"
+        (campaign / "_config" / "test.vast").write_text(
+            f"version: 1\nmetadata: {{name: test_campaign}}\n{section}\n{execution}"
+        )
+
+    campaign = import_archive(packed(executed, tmp_path, change), tmp_path / "results")
+    options = LocalOptions(runtime="podman")
+    with suppress(RobovastError):
+        search.resume(campaign, options, Recorder())
+    with suppress(RobovastError):
+        replay_run(find_run(campaign / "one-1/0"), tmp_path / "again", 1, options, Recorder())
+    assert not (tmp_path / "loaded").exists()
 
 
 def test_an_unchanged_campaign_continues(executed: Path, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from functools import lru_cache
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 _FILE_REFERENCE = re.compile(r"^(?P<path>.+\.py):(?P<name>[A-Za-z_]\w*)$")
 
 
+_refusal: ContextVar[str] = ContextVar("refusal", default="")
+"""Why plugins in files are not loaded; empty if they are."""
 _MOST = 2000
 """Most characters of what is told of an exception."""
 _OURS = f"{Path(__file__).parents[1]}{os.sep}"
@@ -79,6 +82,20 @@ def _is_known(file: str) -> bool:
     return file[0] == "<" or file.startswith(_OURS) or (file.startswith(_PYTHON) and not installed)
 
 
+class PluginRefusedError(CannotRunError):
+    """A plugin in a file is not to be loaded."""
+
+
+@contextlib.contextmanager
+def plugin_files_refused(why: str) -> Iterator[None]:
+    """Load no plugins from files within the context."""
+    token = _refusal.set(why)
+    try:
+        yield
+    finally:
+        _refusal.reset(token)
+
+
 def split_file_reference(reference: str) -> tuple[str, str] | None:
     """Path and name of a `<path>.py:<name>` reference; None for entry-point names."""
     match = _FILE_REFERENCE.match(reference)
@@ -112,6 +129,8 @@ def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
     if parts is None:
         return _load_entry_point(reference, group)
     path, name = parts
+    if why := _refusal.get():
+        raise PluginRefusedError(f"{path} is not loaded: {why}")
     module = _load_file((Path(folder) / path).resolve())
     try:
         return getattr(module, name)

@@ -8,6 +8,7 @@ from robovast.base.atomic import explained, put_in_place, scratch_folder
 from robovast.base.errors import InputError
 from robovast.base.printable import one_line
 from robovast.campaign.archive import refuse_links_out, unpack
+from robovast.campaign.imported import mark_imported
 from robovast.model.naming import holds_campaign
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
@@ -16,7 +17,7 @@ _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
 def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
     """Unpack a campaign's archive and return the campaign's folder.
 
-    The campaign appears complete or not at all.
+    The campaign appears complete or not at all, and is marked as imported.
 
     Args:
         archive: a tar file (any compression) or zip file that contains the campaign's folder, or
@@ -36,6 +37,7 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
         campaign = _campaign_in(archive, whole)
         _check_names(archive, campaign)
         refuse_links_out(archive, links, campaign)
+        mark_imported(campaign)
         put_in_place(campaign, output / campaign.name, replace=force)
     return output / campaign.name
 

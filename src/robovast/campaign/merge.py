@@ -19,6 +19,7 @@ from robovast.base.atomic import appearing_folder
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml, fingerprint
 from robovast.base.yaml_files import read_mapping
+from robovast.campaign.imported import is_imported, mark_imported
 from robovast.campaign.layout import (
     JOB_LINK,
     JOB_LINKS,
@@ -272,6 +273,8 @@ def _write_records(
     layout.execution_record.write_text(
         dump_yaml({**execution, "runs": runs.most, MERGED_FROM: merged_from}), encoding="utf-8"
     )
+    if any(is_imported(campaign.root) for campaign in campaigns):
+        mark_imported(layout.root)
     layout.transient.mkdir()
     (layout.root / JOB_LINKS).write_text(dump_yaml(runs.jobs), encoding="utf-8")
     layout.configurations.write_text(

@@ -13,12 +13,13 @@ from pathlib import PurePosixPath
 
 from robovast.base.atomic import is_unfinished
 from robovast.base.printable import one_line
+from robovast.campaign.imported import MARK
 from robovast.campaign.layout import ASIDE, RUN_RECORD, RUNNING, STAGE
 
 ORIGIN = ".bucket"
 """File in a campaign's folder of the page's mirror that names the campaign's bucket."""
 
-_OWN = frozenset({STAGE, ORIGIN, RUNNING, ASIDE})
+_OWN = frozenset({STAGE, ORIGIN, RUNNING, ASIDE, MARK})
 """Folders that commands use internally, and partly remove."""
 _RUN = re.compile(r"(?P<run>[^/_.][^/]*/[0-9]+)/")
 

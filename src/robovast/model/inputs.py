@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError, RobovastError
-from robovast.base.plugins import load_plugin, plugin_errors, raised, split_file_reference
+from robovast.base.plugins import (
+    PluginRefusedError,
+    load_plugin,
+    plugin_errors,
+    raised,
+    split_file_reference,
+)
 from robovast.model.document import Document
 from robovast.model.document.commands import BUILT_IN, GROUP
 from robovast.model.document.files import host_path, named_files, run_files
@@ -82,6 +88,8 @@ def _class_with_files(folder: Path, call: PluginCall) -> Any:
         return None
     try:
         plugin = load_plugin(call.name, GROUP, folder)
+    except PluginRefusedError:
+        raise
     except RobovastError:
         return None  # it is needed only for results; a check warns of it
     return plugin if inspect.isclass(plugin) and hasattr(plugin, _WANTED) else None

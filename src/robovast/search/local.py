@@ -26,7 +26,7 @@ from robovast.execution.local import (
     run_campaign,
 )
 from robovast.execution.local.campaign import executing
-from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.choose import choose_runtime, trusted_code
 from robovast.execution.local.continuing import continued_session
 from robovast.execution.local.edited_inputs import record_inputs
 from robovast.execution.local.growing import GrowingCampaign
@@ -86,7 +86,8 @@ def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary
     """Continue a campaign or a search; see `resume_campaign`."""
     refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
-    document = load_document(document_path(layout, read_configurations(layout)))
+    with trusted_code(layout.root, options):
+        document = load_document(document_path(layout, read_configurations(layout)))
     if document.vast.search is None:
         _refuse_batches(document, options)
         return resume_campaign(campaign, options, observer)

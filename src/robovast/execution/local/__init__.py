@@ -24,7 +24,7 @@ from robovast.campaign.layout import Layout
 from robovast.campaign.planned_runs import PlannedRuns, planned_runs
 from robovast.execution.generate import write_configurations, write_execution
 from robovast.execution.local.campaign import execute_campaign, execute_planned, executing
-from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.choose import choose_runtime, trusted_code
 from robovast.execution.local.continuing import continued_session
 from robovast.execution.local.edited_inputs import record_inputs
 from robovast.execution.local.events import LocalOptions, Observer, Summary
@@ -104,7 +104,9 @@ def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -
     refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
     data = read_configurations(layout)
-    document, variants = load_document(document_path(layout, data)), variants_in(layout, data)
+    with trusted_code(layout.root, options):
+        document = load_document(document_path(layout, data))
+    variants = variants_in(layout, data)
     chosen = {variant.name for variant in select_any(variants, options.select)}
     seed, execution, wanted = recorded_seed(layout), document.vast.execution, options.runs or 0
 

@@ -20,6 +20,7 @@ from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
+from robovast.execution.local.choose import trusted_code
 from robovast.execution.local.controller_log import logged
 from robovast.execution.local.edited_inputs import told_edited
 from robovast.execution.local.events import Observer, Summary
@@ -96,6 +97,7 @@ def executing(session: Session, observer: Observer) -> Iterator[Observer]:
     with (
         exclusive_folder(session.layout.running, refusal),
         logged(session.layout, observer) as told,
+        trusted_code(session.layout.root, session.options),
     ):
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)

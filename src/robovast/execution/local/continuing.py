@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 from robovast.base.yaml_files import read_mapping
+from robovast.campaign.imported import is_imported
 from robovast.campaign.layout import Layout
-from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.choose import CONTAINER, choose_runtime
 from robovast.execution.local.events import LocalOptions, Observer
 from robovast.execution.local.process_environment import IMAGE, environment_as_then
 from robovast.execution.local.session import Session
@@ -31,7 +32,12 @@ def continued_session(
 
 
 def _as_before(before: str, layout: Layout, options: LocalOptions) -> LocalOptions:
-    """The options; if the runtime is open, a campaign of plain processes continues with these."""
+    """The options; if the runtime is open, a campaign of plain processes continues with these.
+
+    One that was imported continues in a container, whatever its records say.
+    """
+    if options.runtime == "auto" and is_imported(layout.root):
+        return dataclasses.replace(options, runtime=CONTAINER)
     if options.runtime != "auto" or options.image or not before.startswith(IMAGE):
         return options
     environment = environment_as_then(before, str(layout.root), "go on")

@@ -19,11 +19,12 @@ from robovast.base.serialization import dump_yaml
 from robovast.base.version import __version__
 from robovast.base.yaml_files import read_mapping
 from robovast.campaign.configurations import document_path, variant_of
+from robovast.campaign.imported import is_imported, mark_imported
 from robovast.campaign.layout import RUN_RECORD, Layout
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.generate import write_execution
 from robovast.execution.local.campaign import execute_campaign
-from robovast.execution.local.choose import choose_runtime
+from robovast.execution.local.choose import CONTAINER, choose_runtime, trusted_code
 from robovast.execution.local.events import LocalOptions, Observer, Summary
 from robovast.execution.local.process_environment import environment_as_then
 from robovast.execution.local.runtime import Identity, Runtime
@@ -110,7 +111,8 @@ class Again:
 
     def session(self, layout: Layout) -> Session:
         """Of a campaign's folder with a copy of the run's inputs."""
-        copied = load_document(layout.config / self.document.path.name)
+        with trusted_code(layout.root, self.options):
+            copied = load_document(layout.config / self.document.path.name)
         return Session(copied, layout, self.options, self.runtime, self.identity)
 
 
@@ -121,7 +123,8 @@ def execute_again(run: StoredRun, options: LocalOptions, tell: Callable[[str], N
         InputError: the campaign's document cannot be read.
         CannotRunError: the runtime is not usable, or the image is gone.
     """
-    document = load_document(document_path(run.layout, run.configurations))
+    with trusted_code(run.layout.root, options):
+        document = load_document(document_path(run.layout, run.configurations))
     options = _as_then(run, options)
     runtime = choose_runtime(document, options, tell)
     return Again(run, document, options, runtime, _check(run, options, runtime, tell))
@@ -149,6 +152,8 @@ def begin_campaign(
     layout = make_campaign_folder(output, f"{document.vast.campaign_name}-{kind}", started)
     with explained(layout.root):
         copy_inputs(run.layout, run.variant.name, layout)
+        if is_imported(run.layout.root):
+            mark_imported(layout.root)
         layout.transient.mkdir(exist_ok=True)
         layout.configurations.write_text(dump_yaml(run.configurations), encoding="utf-8")
         write_execution(
@@ -197,14 +202,20 @@ def _refuse_inside(output: Path, campaign: Path) -> None:
 
 
 def _as_then(run: StoredRun, options: LocalOptions) -> LocalOptions:
-    """The options, with runtime and image of the run unless others are chosen."""
+    """The options, with runtime and image of the run unless others are chosen.
+
+    The record of a campaign that was imported does not choose plain processes.
+    """
     known = {*ENGINES, "process"}
     own = run.record.runtime if run.record.runtime in known else "auto"
     runtime = own if options.runtime == OWN_RUNTIME else options.runtime
+    imported = is_imported(run.layout.root)
+    if imported and options.runtime != "process" and runtime not in ENGINES:
+        runtime = CONTAINER
     in_container = run.record.runtime != "process"
     image = options.image or (run.image if in_container else None)
     then = dataclasses.replace(options, runtime=runtime, image=image)
-    if in_container or options.runtime != OWN_RUNTIME:
+    if in_container or options.runtime != OWN_RUNTIME or imported:
         return then
     environment = environment_as_then(run.record.image, str(run.folder), "replay the run")
     return dataclasses.replace(then, process_environment=environment)
