@@ -27,6 +27,8 @@ from robovast_operator.effects.deliveries import Deliveries
 from robovast_operator.effects.diagnose import PATIENCE, Diagnosis
 from robovast_operator.effects.inputs import UNWATCHED, Inputs
 from robovast_operator.effects.job_maker import JobMaker
+from robovast_operator.effects.jobs import Jobs
+from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.notifier import Notifier
 from robovast_operator.effects.purge import Purge
 from robovast_operator.effects.queues import Queues
@@ -56,6 +58,7 @@ from robovast_operator.settings import Settings
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.conditions import is_settled
 from robovast_operator.status.failures import trouble_of_error
+from robovast_operator.status.status import tell
 
 LOGGER = logging.getLogger(__name__)
 
@@ -74,12 +77,15 @@ class Reconciler:
         self._memories: dict[Key, Memory] = {}
         self._inputs = Inputs(api, store, settings)
         self._queues = Queues(api, store, settings)
-        self._diagnosis = Diagnosis(api, settings, self._queues)
+        limits = NamespaceLimitsReader(api)
+        created = Jobs(api, store, limits)
+        self._diagnosis = Diagnosis(api, settings, self._queues, limits)
         self._witness = Witness(api, self._diagnosis)
         self._deliveries = Deliveries(api, self._diagnosis)
-        self._statuses = Statuses(api, store, queue, settings, Notifier(queue, settings))
-        self._job_maker = JobMaker(api, store)
-        self._purge = Purge(api, settings, self._diagnosis)
+        notifier = Notifier(queue, settings)
+        self._statuses = Statuses(api, store, queue, settings, notifier, created)
+        self._job_maker = JobMaker(api, store, created)
+        self._purge = Purge(api, settings, self._diagnosis, created)
         self._turns = Turns(settings.pod_limits)
 
     def forget(self) -> None:
@@ -191,7 +197,7 @@ class Reconciler:
         async with self._turns.of(accepted.identity.namespace):
             snapshot = await self._look(obj, accepted, revisions, memory, jobs)
             decision = decide(snapshot)
-            await self._carry_out(obj, accepted, decision, memory)
+            await self._carry_out(obj, snapshot, decision, memory)
         self._wake(snapshot.pod_limit, memory)
         told = decision.status
         await self._show_configurations(obj, accepted, revisions[-1], told, additions.problems)
@@ -316,11 +322,21 @@ class Reconciler:
         return await self._inputs.planned(accepted, memory.inputs)
 
     async def _carry_out(
-        self, obj: Object, accepted: Accepted, decision: Decision, memory: Memory
+        self, obj: Object, snapshot: Snapshot, decision: Decision, memory: Memory
     ) -> None:
-        """Act, then remember in the status, then remove what is remembered there."""
-        for action in decision.actions:
-            await self._act(accepted, action, memory)
+        """Act, then write the status, then remove what the status keeps.
+
+        If an action is refused, the counts of the status stay current all the same.
+        """
+        accepted = snapshot.accepted
+        try:
+            for action in decision.actions:
+                await self._act(accepted, action, memory)
+        except ApiError:
+            seen, old = tell(snapshot, ()), snapshot.status
+            kept = {"conditions": old.conditions or seen.conditions, "state": old.state}
+            await self._statuses.write(obj, seen.model_copy(update=kept))
+            raise
         written = await self._statuses.write(obj, decision.status, decision.events)
         if not written:
             return

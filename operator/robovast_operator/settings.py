@@ -6,8 +6,10 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.kubeapi.pod_contract.pods import AGENT_RESOURCES, TASK_RESOURCES
 from robovast.model.expansion.limit import DEFAULT, variant_limit
 
 
@@ -33,6 +35,10 @@ class Settings:
     """Room on its node's disk that a run's pod asks for; none when empty."""
     work_limit: str = ""
     """Most that a pod may hold on its disk, as Kubernetes writes amounts; unlimited when empty."""
+    agent_resources: dict[str, Any] = field(default_factory=lambda: AGENT_RESOURCES)
+    """Resources of our containers in the pods of runs, as in a pod."""
+    task_resources: dict[str, Any] = field(default_factory=lambda: TASK_RESOURCES)
+    """Resources of our containers in Jobs for a whole campaign."""
     architectures: tuple[str, ...] = ()
     """Processor architectures of the agent's image, for example `amd64` (default: any)."""
     lease_namespace: str = "default"
@@ -95,6 +101,8 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         pod_limits=_pod_limits(environment.get("ROBOVAST_POD_LIMITS") or "{}"),
         work_request=environment.get("ROBOVAST_WORK_REQUEST", ""),
         work_limit=environment.get("ROBOVAST_WORK_LIMIT", ""),
+        agent_resources=_resources(environment, "ROBOVAST_AGENT_RESOURCES", AGENT_RESOURCES),
+        task_resources=_resources(environment, "ROBOVAST_TASK_RESOURCES", TASK_RESOURCES),
         architectures=names("ROBOVAST_ARCHITECTURES"),
         lease_namespace=environment.get("POD_NAMESPACE", "default"),
         identity=environment.get("POD_NAME", f"operator-{os.getpid()}"),
@@ -102,6 +110,17 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         port=int(number("port")),
         **numbers,
     )
+
+
+def _resources(
+    environment: Mapping[str, str], variable: str, default: dict[str, Any]
+) -> dict[str, Any]:
+    try:
+        return dict(json.loads(environment.get(variable) or json.dumps(default)))
+    except (ValueError, TypeError) as error:
+        raise InputError(
+            f"The environment variable {variable} is not a JSON object with `requests` and `limits`"
+        ) from error
 
 
 def _pod_limits(given: str) -> Mapping[str, int]:

@@ -24,6 +24,8 @@ CAMPAIGNS = {
     "configmaps": "get list create delete",
     "pods": "list",
     "persistentvolumeclaims": "get",
+    "resourcequotas": "list",
+    "limitranges": "list",
     "resourceclaimtemplates.resource.k8s.io": "get",
     "events": "list create",
     "workloads.kueue.x-k8s.io": "list patch",

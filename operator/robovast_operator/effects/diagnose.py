@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator, Collection, Mapping
+from dataclasses import replace
 from itertools import chain
 
 from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.resources import ROLE_LABEL
 from robovast.model.packing import pace_of
+from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.queues import Queues
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
@@ -18,9 +20,10 @@ from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
 from robovast_operator.memory import PodsCache
 from robovast_operator.planning.campaign import Accepted
+from robovast_operator.pods.admission import explain
 from robovast_operator.pods.findings import MISHAPS, PodFindings, Trouble
 from robovast_operator.pods.mishaps import mishaps_of
-from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
+from robovast_operator.pods.pod_status import OWN, is_stuck, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
 from robovast_operator.pods.stalls import cause_of, may_store, unseen_cause
 from robovast_operator.settings import Settings
@@ -51,10 +54,13 @@ GIVEN_UP = frozenset({"PodFailurePolicy", "BackoffLimitExceeded", "DeadlineExcee
 class Diagnosis:
     """Reads the pods of campaigns, as rarely as possible."""
 
-    def __init__(self, api: Api, settings: Settings, queues: Queues) -> None:
+    def __init__(
+        self, api: Api, settings: Settings, queues: Queues, limits: NamespaceLimitsReader
+    ) -> None:
         self._api = api
         self._settings = settings
         self._queues = queues
+        self._limits = limits
 
     async def findings(
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
@@ -228,7 +234,18 @@ class Diagnosis:
                 fieldSelector=f"type=Warning,involvedObject.name={names[0]}",
             )
             found = trouble_of_events([event async for event in _first(told)])
+            if found is not None and found.reason in {"Quota", "Refused"}:
+                found = replace(found, message=await self._explained(job, found.message))
         return found
+
+    async def _explained(self, job: JobState, refusal: str) -> str:
+        """Explain the refusal of a Job's pods by the quotas and limits of its namespace."""
+        named = {"fieldSelector": f"metadata.name={job.name}"}
+        async for obj in self._api.list(paths.jobs(job.namespace), **named):
+            pod = mapping(mapping(mapping(obj.get("spec")).get("template")).get("spec"))
+            why = explain(refusal, pod, await self._limits.read(job.namespace), OWN)
+            return f"{why} The API server: {refusal}" if why else refusal
+        return refusal
 
 
 def _forget(known: PodsCache, jobs: Mapping[str, JobState]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robovast_operator.effects.jobs import Jobs
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.objects import Identity, Object
@@ -13,16 +14,17 @@ from robovast_operator.pods.findings import Trouble
 class JobMaker:
     """Makes Jobs; those made are known at once, as if they had been seen."""
 
-    def __init__(self, api: Api, store: Store) -> None:
+    def __init__(self, api: Api, store: Store, jobs: Jobs) -> None:
         self._api = api
         self._store = store
+        self._jobs = jobs
 
     async def create(self, identity: Identity, job: Object, taken: set[str]) -> None:
         """Make a Job, or add its name to those that others have taken."""
         fitting: Object | None = job
         if QUEUE_LABEL in job["metadata"]["labels"]:
             fitting = await self._for_its_cluster(identity.namespace, job)
-        made = fitting and await self._api.create(paths.jobs(identity.namespace), fitting)
+        made = fitting and await self._jobs.create(fitting)
         if made is not None:
             self._store.put_job(JobState.of(made))
         else:
@@ -34,7 +36,7 @@ class JobMaker:
         Which that is nobody but Kueue knows: it fills `spec.managedBy` when the Job is made. None
         when there is a Job of this name, of which the server says nothing.
         """
-        asked = await self._api.create(paths.jobs(namespace), job, dry_run=True)
+        asked = await self._jobs.create(job, dry_run=True)
         if asked is None or not JobState.of(asked).elsewhere:
             return asked and job
         where = paths.config_maps(namespace)

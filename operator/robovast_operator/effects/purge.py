@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from robovast_operator.effects.diagnose import Diagnosis
 from robovast_operator.effects.inputs import Begun
+from robovast_operator.effects.jobs import Jobs
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
@@ -26,8 +27,9 @@ FINALIZER = "robovast.io/purge"
 class Purge:
     """The finalizer of `retention: Delete`; every other Campaign has none."""
 
-    def __init__(self, api: Api, settings: Settings, diagnosis: Diagnosis) -> None:
+    def __init__(self, api: Api, settings: Settings, diagnosis: Diagnosis, jobs: Jobs) -> None:
         self._api = api
+        self._jobs = jobs
         self._settings = settings
         self._diagnosis = diagnosis
 
@@ -79,7 +81,7 @@ class Purge:
         await self._api.create(paths.config_maps(told["metadata"]["namespace"]), told)
         if job is None:
             made = task_job(accepted, self._settings, "purge", name, plan)
-            await self._api.create(paths.jobs(made["metadata"]["namespace"]), made)
+            await self._jobs.create(made)
         return 15.0
 
     async def _end_others(self, jobs: Mapping[str, JobState], own: str) -> bool:

@@ -14,6 +14,7 @@ from robovast.kubeapi.status import (
     compact,
     read_status,
 )
+from robovast_operator.effects.jobs import Jobs
 from robovast_operator.effects.notifier import Notifier
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
@@ -48,9 +49,16 @@ class Statuses:
     """Writes changed statuses, at a limited rate."""
 
     def __init__(
-        self, api: Api, store: Store, queue: WorkQueue, settings: Settings, notifier: Notifier
+        self,
+        api: Api,
+        store: Store,
+        queue: WorkQueue,
+        settings: Settings,
+        notifier: Notifier,
+        jobs: Jobs,
     ) -> None:
         self._api = api
+        self._jobs = jobs
         self._store = store
         self._queue = queue
         self._pause = settings.status_seconds
@@ -124,7 +132,7 @@ class Statuses:
             self._queue.add(identity.key, wait)
             return False
         if notice is not None:
-            await self._api.create(paths.jobs(identity.namespace), notice)
+            await self._jobs.create(notice)
         for message in [*events, *messages(old.conditions, status.conditions)]:
             await announce(self._api, identity, message)
         path = f"{paths.campaigns(identity.namespace)}/{identity.name}"

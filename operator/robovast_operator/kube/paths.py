@@ -30,6 +30,16 @@ def config_maps(namespace: str) -> str:
     return f"/api/v1{_in(namespace)}/configmaps"
 
 
+def resource_quotas(namespace: str) -> str:
+    """ResourceQuotas of a namespace."""
+    return f"/api/v1{_in(namespace)}/resourcequotas"
+
+
+def limit_ranges(namespace: str) -> str:
+    """LimitRanges of a namespace."""
+    return f"/api/v1{_in(namespace)}/limitranges"
+
+
 def volume_claims(namespace: str) -> str:
     """PersistentVolumeClaims of a namespace."""
     return f"/api/v1{_in(namespace)}/persistentvolumeclaims"

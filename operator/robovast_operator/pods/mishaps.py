@@ -10,7 +10,7 @@ from robovast.kubeapi.pod_contract.pack_request import RUN
 from robovast_operator.kube.lenient import text
 from robovast_operator.kube.objects import Object
 from robovast_operator.pods.findings import MISHAPS, Mishap
-from robovast_operator.pods.pod_status import ending_of, message_of, troubles_of
+from robovast_operator.pods.pod_status import ending_of, memory_limit, message_of, troubles_of
 
 
 def mishaps_of(pods: Iterable[Object]) -> list[Mishap]:
@@ -32,7 +32,7 @@ def _mishaps(pod: Object) -> Iterator[Mishap]:
     name, node = text(pod["metadata"].get("name")), text(pod["spec"].get("nodeName"), "?")
     causes = [trouble.message for trouble in troubles_of(pod)]
     if ending_of(pod, RUN).get("reason") == "OOMKilled":
-        causes.append("its run needed more memory than the limit of its container")
+        causes.append(f"its run needed more than {memory_limit(pod, RUN)}")
     if causes:
         yield Mishap("PodFailed", name, one_line(f"the pod {name} on {node}: {causes[0]}"))
     elif said is None:

@@ -117,13 +117,18 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
         if waiting.get("reason") in _WAITING:
             yield Trouble(_WAITING[waiting["reason"]], _waiting_message(pod, container, waiting))
         ended = (container.get("state") or {}).get("terminated") or {}
-        trouble = _ending(container, ended) if ended else None
+        trouble = _ending(pod, container, ended) if ended else None
         if trouble is not None:
             yield trouble
 
 
-_OWN = frozenset({"compat-version", FETCH, AGENT, "compose", "finish", "process", "purge"})
-"""Our own containers: how they end is no result of a run."""
+OWN = frozenset(
+    {
+        *("compat-version", FETCH, AGENT, "compose", "propose", "finish", "process", "purge"),
+        *("notify", "share"),
+    }
+)
+"""Names of our own containers: how they end is no result of a run."""
 
 _ORDINARY = frozenset(
     {
@@ -134,20 +139,21 @@ _ORDINARY = frozenset(
 """Exit codes of our containers that report a verdict, or that they were asked to stop."""
 
 
-def _ending(container: Object, ended: Object) -> Trouble | None:
+def _ending(pod: Object, container: Object, ended: Object) -> Trouble | None:
     """The cause that a container's end shows; None if its end is a result."""
     name, code = container["name"], ended.get("exitCode")
     told = error_in(ended.get("message") or "")
     if ended.get("reason") in NEVER_STARTED:
         return Trouble("Container", f"the container {name} cannot start: {told}")
-    if name not in _OWN:
+    if name not in OWN:
         return None
     if code in _EXITS:
         reason = _EXITS[code]
         final = reason in _FINAL and (name, code) != (AGENT, AgentExit.REFUSED)
         return Trouble(reason, told or f"{name}: exit {code}", final=final)
     if ended.get("reason") == "OOMKilled":
-        return Trouble("OutOfMemory", f"the container {name} needs more memory than its limit")
+        message = f"the container {name} needs more than {memory_limit(pod, name)}"
+        return Trouble("OutOfMemory", message)
     if code in _ORDINARY:
         return None
     said = f"exit {code}" + (f": {told}" if told else "")
@@ -210,6 +216,23 @@ def ending_of(pod: Object, container: str) -> Object:
         if status["name"] == container:
             return mapping(mapping(status.get("state")).get("terminated"))
     return {}
+
+
+def memory_limit(pod: Object, container: str) -> str:
+    """Name the memory limit of a container of a pod and who sets it."""
+    spec: Object = pod.get("spec") or {}
+    found = next((c for c in mappings(spec.get("containers")) if c.get("name") == container), {})
+    limit = mapping(mapping(found.get("resources")).get("limits")).get("memory")
+    if limit is None:
+        return "the memory of its node; it has no limit of its own"
+    note = text(mapping(pod["metadata"].get("annotations")).get("kubernetes.io/limit-ranger"))
+    if re.search(rf"memory[^;]* limit for container {re.escape(container)}(;|$)", note):
+        origin = "set by a LimitRange of the namespace, because nothing else sets one"
+    elif container in OWN:
+        origin = "set by `agent.resources` and `agent.taskResources` of the Helm chart"
+    else:
+        origin = "set by `resources` in the .vast file"
+    return f"its memory limit of {limit} ({origin})"
 
 
 def sighted(pod: Object) -> Sightings:

@@ -21,9 +21,7 @@ from robovast.kubeapi.notice import NOTICE_VARIABLE, Order
 from robovast.kubeapi.pod_contract.mounts import SECRET_MODE, Mount
 from robovast.kubeapi.pod_contract.pack_request import AGENT, PackRequest
 from robovast.kubeapi.pod_contract.pods import (
-    BESIDE_RUNS,
     OWN_USER,
-    WHOLE_CAMPAIGN,
     confined,
     confined_pod,
     own_container,
@@ -127,7 +125,7 @@ def task_pod(
     if command in {"compose", "propose"} and git is not None and git.secret_name is not None:
         more.append(Mount.GIT.secret(git.secret_name))
     mounts = [*CAMPAIGN, *(Mount(volume["name"]) for volume in more)]
-    spec["containers"] = [_own(settings, command, [command], mounts, WHOLE_CAMPAIGN)]
+    spec["containers"] = [_own(settings, command, [command], mounts, settings.task_resources)]
     spec["volumes"] = [work, *spec["volumes"], *more]
     return spec
 
@@ -146,7 +144,7 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
     if refusal(scheduling, allowed):
         scheduling = scheduling.model_copy(update={"image_pull_secrets": []})
     spec = confined_pod(OWN_USER, GRACE_SECONDS, scheduling, architectures=settings.architectures)
-    container = _own(settings, "notify", ["notify"], [Mount.RECEIVERS])
+    container = _own(settings, "notify", ["notify"], [Mount.RECEIVERS], settings.agent_resources)
     # Kubernetes makes one dollar of two, and replaces `$(NAME)` where there is such a variable.
     told = order.model_dump_json().replace("$", "$$")
     container["env"].append({"name": NOTICE_VARIABLE, "value": told})
@@ -221,10 +219,7 @@ def _compat(accepted: Accepted, settings: Settings) -> Object:
             {"name": "EXPECTED", "value": str(COMPAT_VERSION)},
             {"name": "IMAGE", "value": accepted.image},
         ],
-        "resources": {
-            "requests": {"cpu": "10m", "memory": "16Mi"},
-            "limits": {"memory": "128Mi"},
-        },
+        "resources": settings.agent_resources,
         "securityContext": confined(settings.restricted_runs),
         "terminationMessagePolicy": "FallbackToLogsOnError",
     }
@@ -327,7 +322,7 @@ def _own(
     name: str,
     arguments: Sequence[str],
     mounts: Iterable[Mount],
-    resources: Object = BESIDE_RUNS,
+    resources: Object,
 ) -> Object:
     """A container of our own image, which knows where it is."""
     variables: list[Object] = [
@@ -345,10 +340,10 @@ def _agent(settings: Settings, request: PackRequest) -> Object:
 
     It is not started until they are prepared, and not ready while a run is silent.
     """
-    requests = {**BESIDE_RUNS["requests"]}
+    resources = settings.agent_resources
     if settings.work_request:
-        requests["ephemeral-storage"] = settings.work_request
-    resources = {**BESIDE_RUNS, "requests": requests}
+        requests = {**resources.get("requests", {}), "ephemeral-storage": settings.work_request}
+        resources = {**resources, "requests": requests}
     arguments = [AGENT, *request.arguments]
     probes = {"startupProbe": _probe("-e", f"config/{_START}") | _WHILE_PREPARING}
     if settings.silence_minutes:

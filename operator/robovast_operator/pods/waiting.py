@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from kubernetes.utils.quantity import parse_quantity
+
 from robovast.base.ranges import count
 from robovast.kubeapi.status import QueuePlace
 from robovast_operator.kube.lenient import mappings, number, ranges, shaped, text
@@ -22,10 +24,6 @@ _TOO_LARGE = re.compile(
     r"insufficient quota for (\S+) in flavor (\S+),.*?request \(([^)]+)\)"
     r" > maximum capacity \(([^)]+)\)"
 )
-_UNITS = {
-    "m": 1e-3, "": 1, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12, "P": 1e15,
-    "Ki": 2**10, "Mi": 2**20, "Gi": 2**30, "Ti": 2**40, "Pi": 2**50,
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -171,11 +169,11 @@ def pods_that_fit(message: str, pods: int) -> int | None:
     return max((min(found) for found in flavors.values()), default=None)
 
 
-def _quantity(told: str) -> float | None:
-    match = re.fullmatch(r"(\d+(?:\.\d+)?)([A-Za-z]*)", told)
-    if match is None or match[2] not in _UNITS:
+def _quantity(amount: str) -> float | None:
+    try:
+        return float(parse_quantity(amount))
+    except ValueError:
         return None
-    return float(match[1]) * _UNITS[match[2]]
 
 
 def place_of(

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from robovast.base.errors import RobovastError
 from robovast_operator.kube.api import ApiError
+from robovast_operator.pods.admission import NamespaceLimits, explain
 from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.pod_status import OWN
 
 _QUOTA = ("exceeded quota", "status unknown for quota")
 _TOO_LARGE = ("request is too large", "Too long: ", "limit is ")
@@ -28,7 +30,9 @@ def trouble_of_error(error: Exception) -> Trouble:
 def _refusal(error: ApiError, message: str) -> Trouble:
     told = f"the API server refuses what the campaign needs: {message}."
     if any(text in message for text in _QUOTA):
-        return Trouble("Quota", f"{told} Raise the quota, or remove what is not needed any more.")
+        why = explain(message, {}, NamespaceLimits(), OWN)
+        remedy = "Ask your cluster administrator to raise the quota."
+        return Trouble("Quota", f"{why} The API server: {message}" if why else f"{told} {remedy}")
     if error.code == 413 or any(text in message for text in _TOO_LARGE):
         return Trouble(
             "TooLarge",

@@ -71,7 +71,10 @@ def _explained(result: TestResult, ending: Ending, log: bytes, run: str) -> Test
         return result
     lines = lines_of_run(log, None, run)
     told = error_of_contract(lines)
-    explained = CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code, told)
+    known = ending.lacked_memory
+    explained = (
+        CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code, told, known)
+    )
     why = explain_error(f"{result.reason}; {explained}", lines)
     return TestResult(Verdict.ERRORED, why)
 
@@ -98,10 +101,11 @@ _MEANINGS = {
 }
 
 
-def _explain(code: int, told: str) -> str:
+def _explain(code: int, told: str, lacked_memory: bool) -> str:
     number = -code if code < 0 else code - 128 if code > 128 else 0
     if number in {item.value for item in signal.Signals}:
         name = signal.Signals(number).name
-        return f"it was ended by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
+        guess = " (out of memory?)" if name == "SIGKILL" and not lacked_memory else ""
+        return f"it was ended by {name}{guess}"
     meaning = (told if code in set(EntrypointExit) else "") or _MEANINGS.get(code)
     return f"exit code {code}" + (f": {meaning}" if meaning else "")

@@ -16,7 +16,7 @@ from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pods import (
     OWN_USER,
     PROGRAM,
-    WHOLE_CAMPAIGN,
+    TASK_RESOURCES,
     confined_pod,
     failure_policy,
     on_exit,
@@ -134,7 +134,7 @@ def job_spec() -> Object:
 def pod_spec(upload: Upload, secret: str) -> Object:
     """The pod of an upload; it says itself what is missing in the Secret, or that there is none."""
     mounts, arguments = (Mount.CREDENTIALS, Mount.SHARE), [ROLE, *_arguments(upload)]
-    container = own_container(upload.image, ROLE, arguments, mounts, WHOLE_CAMPAIGN)
+    container = own_container(upload.image, ROLE, arguments, mounts, TASK_RESOURCES)
     share = Mount.SHARE.secret(secret)
     share["secret"]["optional"] = True
     return confined_pod(OWN_USER, GRACE_SECONDS, upload.scheduling) | {

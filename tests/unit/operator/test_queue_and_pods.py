@@ -180,8 +180,8 @@ def test_a_compose_job_that_was_given_up_says_how_its_last_container_ended() -> 
     assert found.reason == "OutOfMemory"
     assert found.message == (
         "2 pods of the Job drive-compose have failed, the last one so: the container compose needs "
-        "more memory than its limit. Once the cause is gone, `kubectl delete job -n lab "
-        "drive-compose` lets another Job try."
+        "more than the memory of its node; it has no limit of its own. Once the cause is gone, "
+        "`kubectl delete job -n lab drive-compose` lets another Job try."
     )
     found = given_up_of("lab", "drive-compose", [*pods, pod(0, crashed, created=times[2])])
     assert found is not None

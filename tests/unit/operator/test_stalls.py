@@ -14,6 +14,7 @@ import pytest
 from support.kube.fake_cluster import SETTINGS, FakeJob, accepted
 
 from robovast_operator.effects.diagnose import STORING, Diagnosis
+from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.queues import Queues
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState, Store
@@ -284,7 +285,9 @@ class Server:
 
 
 def diagnosis_of(server: Any) -> Diagnosis:
-    return Diagnosis(server, SETTINGS, Queues(server, Store(), SETTINGS))
+    return Diagnosis(
+        server, SETTINGS, Queues(server, Store(), SETTINGS), NamespaceLimitsReader(server)
+    )
 
 
 class Campaign:

@@ -104,7 +104,7 @@ def test_the_first_bad_runs_are_named_with_their_reasons() -> None:
             {"containerStatuses": [
                 {"name": "robovast", "state": {"terminated": {"reason": "OOMKilled"}}}
             ]},
-            "more memory than the limit",
+            "needed more than the memory of its node; it has no limit of its own",
         ),
         ({}, "said nothing of runs: its agent ended with 10"),
         ({"containerStatuses": []}, "said nothing of runs: it is gone"),

@@ -12,21 +12,21 @@ PROGRAM = ("python", "-m", "robovast.agent")
 OWN_USER = 1000
 """User id of our own containers in pods without a run's files."""
 
-BESIDE_RUNS: Object = {
+AGENT_RESOURCES: Object = {
     "requests": {"cpu": "10m", "memory": "64Mi"},
     "limits": {"memory": "512Mi"},
 }
-"""Of our own containers beside a run; a request of CPU as small as can be, since it idles.
+"""Resources of our containers in the pod of a run; the CPU request is small because they idle.
 
-None has a limit of ephemeral storage: those of a pod's containers are added up, and its volumes
-count, so that a small limit here would be one for what the run writes.
+They have no limit on ephemeral storage: Kubernetes adds up the limits of a pod's containers and
+counts its volumes, so a small limit here would be a limit on what the run writes.
 """
 
-WHOLE_CAMPAIGN: Object = {
+TASK_RESOURCES: Object = {
     "requests": {"cpu": "100m", "memory": "256Mi"},
     "limits": {"memory": "2Gi"},
 }
-"""Resources of our own containers that work on a whole campaign."""
+"""Resources of our containers in Jobs for a whole campaign, such as the index Job."""
 
 
 LINUX = {"kubernetes.io/os": "linux"}
@@ -111,7 +111,7 @@ def own_container(
     name: str,
     arguments: Sequence[str],
     mounts: Iterable[Mount],
-    resources: Object = BESIDE_RUNS,
+    resources: Object = AGENT_RESOURCES,
     variables: Iterable[Object] = (),
 ) -> Object:
     """A container of our own image.

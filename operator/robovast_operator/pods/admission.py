@@ -1,0 +1,165 @@
+"""Explain which ResourceQuota or LimitRange of a namespace refuses a pod or Job. Pure functions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+
+from kubernetes.utils.quantity import parse_quantity
+
+from robovast_operator.kube.lenient import mapping, mappings, metadata, text
+from robovast_operator.kube.objects import Object
+
+OWN_CPU_LIMIT = "500m"
+"""CPU limit of our containers where a ResourceQuota requires one."""
+
+JOBS = "count/jobs.batch"
+"""Resource of a ResourceQuota that counts Jobs."""
+
+_MISSING = re.compile(r"failed quota: ([^:\s]+): must specify (.+?)\.?$")
+_EXCEEDED = re.compile(r"exceeded quota: ([^,\s]+), requested: (.+), used: (.+), limited: (\S+)")
+
+
+@dataclass(frozen=True)
+class NamespaceLimits:
+    """The ResourceQuotas and LimitRanges of a namespace, as far as the operator may read them."""
+
+    quotas: Sequence[Object] = ()
+    ranges: Sequence[Object] = ()
+
+
+def with_required_limits(job: Object, limits: NamespaceLimits, own: Iterable[str]) -> Object:
+    """Add a CPU limit to our containers of a Job if a ResourceQuota requires one.
+
+    Args:
+        job: the Job; it is not modified.
+        limits: of its namespace.
+        own: names of our containers.
+    """
+    hard = {
+        key for quota in limits.quotas for key in mapping(mapping(quota.get("spec")).get("hard"))
+    }
+    if "limits.cpu" not in hard:
+        return job
+    template = job["spec"]["template"]
+    names = set(own)
+    pod = {
+        kind: [_limited(one) if one["name"] in names else one for one in template["spec"][kind]]
+        for kind in ("initContainers", "containers")
+        if kind in template["spec"]
+    }
+    return job | {"spec": job["spec"] | {"template": template | {"spec": template["spec"] | pod}}}
+
+
+def _limited(container: Object) -> Object:
+    resources = mapping(container.get("resources"))
+    limits = {"cpu": OWN_CPU_LIMIT} | mapping(resources.get("limits"))
+    return container | {"resources": {**resources, "limits": limits}}
+
+
+def counts_jobs(message: str) -> bool:
+    """Whether an API server refuses a Job because a ResourceQuota limits the number of Jobs."""
+    found = _EXCEEDED.search(message)
+    return found is not None and JOBS in _amounts(found[2])
+
+
+def explain(message: str, pod: Object, limits: NamespaceLimits, own: Iterable[str] = ()) -> str:
+    """Explain why an API server refuses a pod: the object, the field, and what to change.
+
+    Args:
+        message: of the API server.
+        pod: spec of the pod.
+        limits: of its namespace.
+        own: names of our containers; all others are those of the run.
+
+    Returns:
+        Sentences, or an empty string if neither a ResourceQuota nor a LimitRange explains it.
+    """
+    found = _MISSING.search(message)
+    if found is not None:
+        return " ".join(_missing(found[1], found[2], frozenset(own)))
+    found = _EXCEEDED.search(message)
+    if found is not None:
+        return " ".join(_exceeded(found[1], found[2], found[3], found[4]))
+    return " ".join(_out_of_range(pod, limits.ranges, frozenset(own)))
+
+
+def _missing(quota: str, demanded: str, own: frozenset[str]) -> Iterator[str]:
+    for demand in demanded.split(";"):
+        field, _, names = demand.strip().partition(" for: ")
+        for name in names.split(","):
+            yield (
+                f"ResourceQuota `{quota}` requires {field} for every container, and the container "
+                f"`{name}` does not set it. {_remedy(name, field, own)}"
+            )
+
+
+def _exceeded(quota: str, requested: str, used: str, limited: str) -> Iterator[str]:
+    wanted, taken, allowed = _amounts(requested), _amounts(used), _amounts(limited)
+    for resource, amount in wanted.items():
+        yield (
+            f"ResourceQuota `{quota}` allows {allowed.get(resource, '?')} of {resource}: "
+            f"{taken.get(resource, '?')} are used, and {amount} more are needed. Wait until other "
+            f"work finishes, or ask your cluster administrator to raise spec.hard.{resource}."
+        )
+
+
+def _amounts(listed: str) -> dict[str, str]:
+    return dict(part.strip().split("=", 1) for part in listed.split(",") if "=" in part)
+
+
+def _out_of_range(pod: Object, ranges: Iterable[Object], own: frozenset[str]) -> Iterator[str]:
+    containers = [*mappings(pod.get("initContainers")), *mappings(pod.get("containers"))]
+    for found in ranges:
+        name = text(metadata(found).get("name"))
+        for item in mappings(mapping(found.get("spec")).get("limits")):
+            if item.get("type") != "Container":
+                continue
+            for container in containers:
+                for problem, field in _violations(container, item):
+                    who = text(container.get("name"))
+                    yield f"LimitRange `{name}` {problem} (container `{who}`). " + _remedy(
+                        who, field, own
+                    )
+
+
+def _violations(container: Object, item: Object) -> Iterator[tuple[str, str]]:
+    """Compare a container with one item of a LimitRange, after its defaults are applied."""
+    given = mapping(container.get("resources"))
+    limit = mapping(item.get("default")) | mapping(given.get("limits"))
+    request = mapping(item.get("defaultRequest")) | limit | mapping(given.get("requests"))
+    for resource, least in mapping(item.get("min")).items():
+        if (asked := request.get(resource)) is None or _value(asked) < _value(least):
+            field = f"requests.{resource}"
+            yield f"requires at least {least} for {field}, not {asked or 'none'}", field
+    for resource, most in mapping(item.get("max")).items():
+        if (bound := limit.get(resource)) is None or _value(bound) > _value(most):
+            field = f"limits.{resource}"
+            yield f"allows at most {most} for {field}, not {bound or 'no limit'}", field
+    for resource, ratio in mapping(item.get("maxLimitRequestRatio")).items():
+        bound, asked = limit.get(resource), request.get(resource)
+        if bound is None or asked is None or _value(bound) > _value(ratio) * _value(asked):
+            field = f"limits.{resource}"
+            yield f"allows at most {ratio} for the ratio of {field} to its request", field
+
+
+def _value(amount: object) -> Decimal:
+    try:
+        return Decimal(parse_quantity(str(amount)))
+    except ValueError:
+        return Decimal(0)
+
+
+def _remedy(container: str, field: str, own: frozenset[str]) -> str:
+    if container in own:
+        return (
+            f"Ask your cluster administrator to set `agent.resources.{field}` of the Helm chart "
+            "(Jobs for a whole campaign: `agent.taskResources`)."
+        )
+    resource = field.rpartition(".")[2]
+    if resource not in {"cpu", "memory"}:
+        return "Ask your cluster administrator for a LimitRange with a default."
+    key = "execution.resources" if container == "robovast" else "its `resources`"
+    return f"Set `{resource}` in {key} of the .vast file, or ask for another limit."
