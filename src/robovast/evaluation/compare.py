@@ -214,14 +214,16 @@ def state(found: Difference) -> str:
         return "Nothing can be compared: the campaigns share no variant with runs in both."
     if found.low == found.high:
         return f"No difference: both have the same {b.runs} runs, of which {b.bad} did not pass."
-    verb = "rose" if b.rate > a.rate else "fell" if b.rate < a.rate else "stayed the same"
+    verb = "rose" if b.rate > a.rate else "fell"
     certain = "chance alone hardly explains that" if found.p < LEVEL else "chance can explain that"
     before, now = (f"{percent(side.rate)} ({side.bad} of {side.runs})" for side in (a, b))
-    text = f"The share of runs that did not pass {verb}, from {before} to {now}"
+    text = f"The share of runs that did not pass {verb}, from {before} to {now}; {certain}"
+    if a.rate == b.rate:
+        text = f"No difference: the share of runs that did not pass is {before}, and {now} after"
     interval = f"95 % interval {100 * found.low:+.1f} to {100 * found.high:+.1f} points"
     p = f"p = {found.p:.2g}" if found.p >= 0.0001 else "p < 0.0001"
     test = "Fisher's exact test" if found.pairs is None else "McNemar's exact test, equal seeds"
-    return f"{text}; {certain} ({test}, {p}; {interval})."
+    return f"{text} ({test}, {p}; {interval})."
 
 
 def _variant_difference(
@@ -292,7 +294,8 @@ def _detectable(found: Difference) -> float | None:
         return None
     if found.pairs is not None:
         chance = min(found.pairs)  # so many pairs change in either direction by chance
-        worse = least(lambda rise: mcnemar_exact(chance + rise, chance) < LEVEL, a.runs - chance)
+        most = a.runs - a.bad - chance  # only what had passed can get worse
+        worse = least(lambda rise: mcnemar_exact(chance + rise, chance) < LEVEL, most)
         return None if worse is None else worse / a.runs
 
     def is_clear(bad: int) -> bool:

@@ -153,8 +153,10 @@ def _read(results: Path, campaign: str, name: str) -> VariantRuns | None:
 
 
 def _found(results: Path, campaign: str, variant: VariantRuns) -> _Found | None:
-    """None without a run that has a verdict."""
+    """None without a run that has a verdict, and of a replay, which repeats a counted run."""
     execution = read_yaml(results, f"{campaign}/{EXECUTION_RECORD}")
+    if "replay_of" in execution:
+        return None
     planned = planned_runs(execution)
     fixed = (
         recorded_test(execution) is None

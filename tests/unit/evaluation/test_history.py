@@ -109,6 +109,14 @@ def test_each_recorded_change_is_listed_and_no_other(changed: set[str], bad: int
             assert second.changed.endswith(f" and {len(changed) - 4} more")
 
 
+def test_a_replay_is_not_counted_again(tmp_path: Path) -> None:
+    campaign(tmp_path / "results", FIRST)
+    campaign(tmp_path / "results", SECOND)
+    replay = campaign(tmp_path / "results", "hall-replay-2026-03-03-132444")
+    in_execution("execution_type", f"replay_of: {FIRST}/hall-1/0\nexecution_type")(replay)
+    assert [one.campaign for one in entries(tmp_path / "results")] == [FIRST, SECOND]
+
+
 @pytest.mark.parametrize("path", ["_config/files/pilot.py", "hall-1/_config/map.pgm"])
 def test_a_file_that_is_gone_is_a_change(tmp_path: Path, path: str) -> None:
     campaign(tmp_path / "results", FIRST)
