@@ -130,7 +130,7 @@ def test_a_failing_run_is_found_and_explained(assistant: Assistant) -> None:
     place = {"configuration": failed["runs"][0]["configuration"], "run": 0}
     run = assistant.call("get_run", campaign=NAME, **place)
     assert run["record"]["verdict"] == "failed"
-    assert "exec local run --config=hall-2" in run["command"]
+    assert run["command"].startswith("vast replay ")
     log = assistant.call("search_run_log", path=run["logs"][0], levels=["error"])
     assert "goal not reached" in log["lines"][0][2]
     poses = assistant.call("get_run_data", path=f"{NAME}/hall-2/0/poses.csv")
