@@ -197,6 +197,35 @@ def drive(
     return row["trajectory"], done.stderr
 
 
+def test_no_drive_begins_in_a_wall(ros_environment: str, tmp_path: Path) -> None:
+    """The start of sweep.vast is 2.5 cm from a wall, and the robot is put down to 2 cm."""
+    path = NAVIGATION.with_name("sweep.vast")
+    folder = execute(path, tmp_path / "results", ros_environment, "flat-1-1-1-2-1")
+    ends = [
+        float(row["seconds"])
+        for path in folder.glob("flat-*/*/outcome.csv")
+        for row in csv.DictReader(path.read_text().splitlines())
+    ]
+    assert len(ends) == 5
+    assert min(ends) > 0.2
+    program = f"""
+import sys
+from pathlib import Path
+sys.path.insert(0, {str(NAVIGATION.parent / "files")!r})
+from grid import Grid
+from world import World
+(path,) = Path({str(folder)!r}).glob("flat-*/_config/maps/flat.yaml")
+grid, start = Grid.read(path), (1.525, -1.525, 3.14)
+for seed in range(100):
+    world = World(grid, [], start, 0.2, seed)
+    x, y, _ = world.place()
+    assert grid.clearance(x, y) >= 0.2, (x, y)
+    world.move(0.0, 0.0)
+    assert world.push < 60.0, (x, y)
+"""
+    subprocess.run([f"{ros_environment}/bin/python", "-c", program], check=True, timeout=120)
+
+
 def test_a_seed_is_a_drive(campaign: Path, ros_environment: str, tmp_path: Path) -> None:
     """To the last bit; another seed is another one."""
     config, told = "drive-2-1-2-1", "SELECT config, seed, trajectory FROM outcome"

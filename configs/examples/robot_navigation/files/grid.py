@@ -52,6 +52,13 @@ class Grid:
         inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
         return ~inside | self.occupied[row.clip(0, height - 1), column.clip(0, width - 1)]
 
+    def clearance(self, x: float, y: float) -> float:
+        """Return the distance from a place to the nearest occupied cell [m]."""
+        rows, columns = np.nonzero(self.occupied)
+        offsets = np.subtract(self.place(rows, columns), [[x], [y]])
+        outside = np.maximum(np.abs(offsets) - self.resolution / 2, 0.0)
+        return float(np.hypot(*outside).min(initial=math.inf))
+
     def rectangles(self) -> list[tuple[int, int, int, int]]:
         """First row and column, last row and column of few rectangles that are all occupied cells.
 

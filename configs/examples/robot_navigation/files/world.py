@@ -24,7 +24,6 @@ LOST = 0.01
 """Share of rays that do not come back."""
 PLACED = (0.02, 0.02, 0.03)
 """Standard deviation of where the robot is put down [m, m, rad]."""
-
 WHEEL = 0.06
 """Radius of a wheel [m]."""
 ANGLES = np.linspace(-math.pi, math.pi, RAYS, endpoint=False)
@@ -50,7 +49,7 @@ class World:
         second: tuple[float, float] | None = None,
     ) -> None:
         self.chance = np.random.default_rng(seed)
-        placed = tuple(np.add(start, self.chance.normal(0.0, PLACED)))
+        placed = self.put_down(grid, start, radius)
         self.track = 2 * 0.75 * radius
         body, motors = ("", "") if second is None else (cart(*second), CART_MOTORS)
         self.model = mujoco.MjModel.from_xml_string(
@@ -61,6 +60,18 @@ class World:
         self.ticks = round(STEP / self.model.opt.timestep)
         self.push = 0.0
         mujoco.mj_forward(self.model, self.data)
+
+    def put_down(self, grid: Grid, start: Place, radius: float) -> Place:
+        """Return a random place near the start where a disc of the radius [m] touches no wall.
+
+        Raises:
+            ValueError: there is no such place.
+        """
+        for _ in range(1000):
+            x, y, yaw = np.add(start, self.chance.normal(0.0, PLACED))
+            if grid.clearance(x, y) >= radius:
+                return x, y, yaw
+        raise ValueError(f"a robot with a radius of {radius} m touches a wall at the start {start}")
 
     def move(self, speed: float, turn: float, second: tuple[float, ...] = ()) -> None:
         """Drive for one step [m/s, rad/s]; `push` is the strongest force on the hull in it [N].

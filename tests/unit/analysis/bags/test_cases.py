@@ -12,6 +12,7 @@ from support.campaigns.bags import rows
 from robovast.analysis.bags.convert import convert_run
 from robovast.base.yaml_files import parse_yaml
 from robovast.model.document.commands import bag_command
+from robovast.search.extractors.columns import Columns
 
 CASES = Path(__file__).parents[3] / "data" / "cases" / "bags"
 DATE = "-2026-11-25-120000"
@@ -71,3 +72,18 @@ def test_the_rows_are_those_of_an_independent_reader(
     assert len(table) == count, done.warnings
     for name, cells in columns.items():
         assert [row[name] for row in table] == cells
+
+
+def test_a_metric_covers_the_rows_of_all_episodes_in_their_order(tmp_path: Path) -> None:
+    case = "b07-simreset-moved"
+    campaign = copytree(CASES / f"{case}{DATE}", tmp_path / case)
+    convert_run(campaign / "c" / "0", [bag_command("rosbags_tf_to_csv", {})])
+    column = {"table": "poses", "column": "position.x"}
+    over = {name: {**column, "over_time": name} for name in ("first", "last", "max", "mean")}
+    assert Columns(**over).extract(campaign / "c").objectives == {
+        "failure_rate": 0.0,
+        "first": 0.0,
+        "last": 110.0,
+        "max": 110.0,
+        "mean": 55.0,
+    }
