@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from collections.abc import Generator, Iterable, Sequence
@@ -12,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
-from robovast.analysis.tables.csv_files import lines
+from robovast.analysis.tables.csv_files import csv_rows
 from robovast.analysis.tables.spelling import number_in
 from robovast.base.errors import InputError
 from robovast.evaluation.inside import open_inside
@@ -119,12 +118,15 @@ _IDLE = Usage([], [], [])
 
 
 def _rows(file: BinaryIO, relative: str) -> Generator[list[str], None, None]:
+    started = False
     with file:
-        text = io.TextIOWrapper(file, encoding="utf-8", errors="replace", newline="")
         try:
-            yield from csv.reader(line.replace("\0", "") for line in lines(text))
+            for row in csv_rows(file):
+                started = True
+                yield [cell.replace("\0", "") for cell in row]
         except csv.Error as error:
-            raise InputError(f"{relative}: is no CSV file: {error}.") from None
+            if not started:
+                raise InputError(f"{relative}: is no CSV file: {error}.") from None
 
 
 def _thinned(rows: Iterable[_T]) -> tuple[list[_T], int, int]:

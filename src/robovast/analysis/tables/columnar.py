@@ -19,6 +19,7 @@ from robovast.analysis.tables.csv_files import (
     column_names,
     csv_files,
     folded,
+    is_plain,
     read_header,
 )
 from robovast.analysis.tables.database import (
@@ -280,7 +281,7 @@ def _load_csv_files(
         columns = column_names(header)
         fixed = KEY_TYPES | _as_text(texts, table, columns)
         for part in _parts(files):
-            if part[0].stat().st_size < _SMALL:
+            if _is_small(part[0]):
                 stage_small(connection, layout.root, part, columns, scratch)
             else:
                 _stage_large(connection, layout.root, part, columns, scratch)
@@ -290,10 +291,15 @@ def _load_csv_files(
 
 def _parts(files: Sequence[Path]) -> Iterator[Sequence[Path]]:
     """Groups of files to read at once: small ones, and limited numbers of large ones."""
-    small = [path for path in files if path.stat().st_size < _SMALL]
+    small = list(filter(_is_small, files))
     large = sorted(set(files).difference(small))
     for listed in (small, large):
         yield from (listed[start : start + _BATCH] for start in range(0, len(listed), _BATCH))
+
+
+def _is_small(path: Path) -> bool:
+    """Whether a file is read by us: DuckDB reads large files faster, but only the common form."""
+    return path.stat().st_size < _SMALL or not is_plain(path)
 
 
 def _stage_large(

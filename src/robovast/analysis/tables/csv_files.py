@@ -1,16 +1,33 @@
-"""Finds the CSV files of a run and reads their rows, even from damaged files."""
+"""Finds the CSV files of a run and reads their rows, even from damaged files.
+
+| supported | rule |
+| --- | --- |
+| cells separated by commas | a header that is a single cell with `;`, tab or `|` is refused |
+| quotes | `"`, doubled inside a quoted cell, which may have line breaks |
+| UTF-8, with or without byte order mark | invalid bytes are read as U+FFFD, with a message |
+| UTF-16, UTF-32 with byte order mark | without the mark they are refused |
+| comments | lines that begin with `#` and have fewer cells than the header; above the header also others, except a header that NumPy marked with `#`: as many cells as the next row, which has only numbers |
+| rows with fewer cells than the header | the missing cells are empty |
+| rows with more cells | the additional cells are left out, with a message |
+| header cells that are equal or empty | their columns get numbers |
+
+Lines end with LF or CRLF.
+"""  # noqa: E501  # a table
 
 from __future__ import annotations
 
+import codecs
 import csv
+import logging
 import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
+from functools import lru_cache
 from io import TextIOWrapper
+from itertools import chain
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
 from robovast.base.safe_paths import is_file, open_file
 
@@ -19,6 +36,17 @@ KEYS = ("config", "run")
 LONGEST_LINE = 32 << 20
 """Longest line [characters]; a file of zeros is a single line."""
 _RESERVED = frozenset({"runs", "run_records", "loaded", "scenario_timestamps"})
+
+_MARKS = {
+    codecs.BOM_UTF32_LE: "utf-32",  # before UTF-16, whose mark it begins with
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+_DELIMITERS = {";": "`;`", "\t": "tabs", "|": "`|`"}
+_END = "\0end of the file\0"
+"""A last line, which shows whether a quoted cell is still open."""
+LOGGER = logging.getLogger(__name__)
 
 csv.field_size_limit(sys.maxsize)
 
@@ -64,23 +92,118 @@ def column_names(header: Sequence[str], keys: Iterable[str] = ("campaign", *KEYS
 
 
 def read_header(path: Path) -> list[str]:
-    """The first row; empty if the file is empty or unreadable."""
-    with _opened(path) as file, suppress(csv.Error):
-        return next(iter(csv.reader(lines(file))), [])
-    return []
+    """The header; empty if the file is empty, or not a supported CSV file, which is logged."""
+    try:
+        with open_file(path) as file:
+            return next(csv_rows(file), [])
+    except csv.Error as error:
+        _warn(f"{path} is not read: {error}")
+        return []
 
 
 def read_rows(path: Path, width: int) -> Iterator[list[str]]:
     """The rows below the header, each with as many cells as the header.
 
-    Truncated files and invalid UTF-8 are read as far as possible.
+    A damaged file is read as far as possible; what is lost is logged.
     """
-    with _opened(path) as file, suppress(csv.Error):
-        rows = csv.reader(lines(file))
-        next(rows, None)
-        for row in rows:
-            if row:
+    try:
+        with open_file(path) as file:
+            rows = csv_rows(file)
+            next(rows, None)
+            for row in rows:
+                if any(row[width:]):
+                    _warn(f"{path} has rows with more cells than the header; they are left out")
+                if any("\ufffd" in cell for cell in row):
+                    _warn(f"{path} has bytes that are not valid text; they are read as �")
                 yield row[:width] + [""] * (width - len(row))
+    except csv.Error as error:
+        _warn(f"{path} is not read to its end: {error}")
+
+
+@lru_cache(maxsize=1000)  # each message once, although several databases are made
+def _warn(message: str) -> None:
+    LOGGER.warning(message)
+
+
+def is_plain(path: Path) -> bool:
+    """Whether a file has the common form: UTF-8 without comments above the header."""
+    with open_file(path) as file:
+        head = file.read(4)
+    return not head.startswith((b"#", *_MARKS)) and b"\0" not in head
+
+
+def csv_rows(file: BinaryIO) -> Iterator[list[str]]:
+    """The header and the rows of a CSV file, without empty rows and comments.
+
+    Args:
+        file: the file, at its beginning; it is closed at the end.
+
+    Raises:
+        csv.Error: the file is not a supported CSV file; see the module.
+    """
+    with TextIOWrapper(file, _encoding(file), errors="replace", newline="") as text:
+        yield from _rows(lines(text))
+
+
+def _rows(found: Iterator[str]) -> Iterator[list[str]]:
+    header: list[str] = []
+    for row in filter(None, csv.reader(chain(_from_header(found), [_END]))):
+        is_last = row[-1].endswith(_END)
+        row[-1] = row[-1].removesuffix(_END)
+        if is_last and row == [""]:
+            return
+        if not header:
+            header = row
+            _check_delimiter(header)
+        if len(row) >= len(header) or not row[0].startswith("#"):
+            yield row
+        if is_last:
+            raise csv.Error("a quoted cell is not closed")
+
+
+def _check_delimiter(header: Sequence[str]) -> None:
+    for sign, name in _DELIMITERS.items():
+        if len(header) == 1 and sign in header[0]:
+            raise csv.Error(f"its cells are separated by {name}; separate them by commas")
+
+
+def _encoding(file: BinaryIO) -> str:
+    head = file.read(4)
+    file.seek(0)
+    for mark, encoding in _MARKS.items():
+        if head.startswith(mark):
+            return encoding
+    if len(head) > 1 and head.count(0) == len(head) // 2 and bool(head[0]) != bool(head[1]):
+        raise csv.Error("it is UTF-16 without a byte order mark; write UTF-8")
+    return "utf-8-sig"
+
+
+def _from_header(found: Iterator[str]) -> Iterator[str]:
+    """The lines without comments above the header."""
+    comment = ""
+    for line in found:
+        if not line.startswith("#"):
+            if comment and _is_header(comment, line):
+                yield comment
+            yield line
+            break
+        comment = line
+    else:
+        yield comment
+    yield from found
+
+
+def _is_header(comment: str, row: str) -> bool:
+    cells = next(csv.reader([row]), [])
+    return len(cells) == len(next(csv.reader([comment]), [])) and all(map(_is_number, cells))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def lines(file: TextIO) -> Iterator[str]:
@@ -93,7 +216,3 @@ def lines(file: TextIO) -> Iterator[str]:
         if len(line) > LONGEST_LINE:
             raise csv.Error(f"a line has more than {LONGEST_LINE} characters")
         yield line
-
-
-def _opened(path: Path) -> TextIO:
-    return TextIOWrapper(open_file(path), encoding="utf-8-sig", errors="replace", newline="")

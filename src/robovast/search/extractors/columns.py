@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from robovast.analysis.tables.csv_files import csv_files
+from robovast.analysis.tables.csv_files import csv_files, read_header, read_rows
 from robovast.analysis.tables.query import ask
 from robovast.campaign.layout import COLUMNAR_TABLES
 from robovast.model.document.search.section import SearchMetric
@@ -87,18 +86,18 @@ def _numbers(metric: SearchMetric, run: Path) -> list[float]:
     path = csv_files(run).get(table)
     if path is None:
         raise ValueError(f"{run.parent.name}/{run.name} has no table `{table}`")
-    with path.open(newline="", encoding="utf-8", errors="replace") as file:
-        reader = csv.DictReader(file)
-        if column not in (reader.fieldnames or ()):
-            known = ", ".join(reader.fieldnames or ()) or "none"
-            raise ValueError(f"the table `{table}` has no column `{column}`; it has {known}")
-        found = list(_finite(row[column] for row in reader))
+    header = read_header(path)
+    if column not in header:
+        known = ", ".join(header) or "none"
+        raise ValueError(f"the table `{table}` has no column `{column}`; it has {known}")
+    place = header.index(column)
+    found = list(_finite(row[place] for row in read_rows(path, len(header))))
     if not found:
         raise ValueError(f"{run.parent.name}/{run.name}: no number in `{table}.{column}`")
     return found
 
 
-def _finite(cells: Iterator[str | None]) -> Iterator[float]:
+def _finite(cells: Iterator[str]) -> Iterator[float]:
     for cell in cells:
         try:
             value = float(cell or "nan")
