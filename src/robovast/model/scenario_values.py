@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from robovast.base.serialization import to_plain
@@ -21,6 +21,13 @@ _PHYSICAL = frozenset(
 """Types with a unit; other ones of the standard library cannot be set without a default."""
 _AMOUNT = re.compile(r"[+-]?\d+(?P<fraction>\.\d+)?[a-z]\w*", re.IGNORECASE)
 """A default with a unit."""
+_DECIMAL = re.compile(r"[-+]?(?=[^eE]*[0-9])[0-9]*(?:\.[0-9]*(?:[eE][-+]?[0-9]+)?|[eE][-+]?[0-9]+)")
+_INTEGER = re.compile(r"[-+]?[0-9]{1,4000}")
+_TRUTHS = {
+    **dict.fromkeys(("yes", "true", "on"), True),
+    **dict.fromkeys(("no", "false", "off"), False),
+}
+_Path = tuple[str | int, ...]
 _WHOLE, _NUMBER = "a whole number", "a number"
 _KINDS: Mapping[str, type | tuple[type, ...]] = {
     _WHOLE: int,  # which `true` is, too
@@ -50,6 +57,58 @@ def refusal(scenario: Scenario, name: str, value: Any) -> str | None:
     found = scenario.parameter(name)
     structs = {**_STANDARD, **scenario.structs}
     return _refusal(found, value, name, structs) if found is not None else None
+
+
+def as_declared(
+    scenario: Scenario, name: str, value: Any, text: Callable[[_Path], str | None]
+) -> Iterator[tuple[_Path, Any]]:
+    """Parts of a value that have another type than the scenario declares, with the right value.
+
+    Args:
+        scenario: declares the parameter; an unknown one has no type.
+        name: of the parameter.
+        value: its value, as YAML reads it.
+        text: gives the text of a part of the value that YAML does not read as text, else None.
+    """
+    found = scenario.parameter(name)
+    if found is not None:
+        yield from _declared(found, value, (), text, {**_STANDARD, **scenario.structs})
+
+
+def _declared(
+    parameter: ScenarioParameter,
+    value: Any,
+    path: _Path,
+    text: Callable[[_Path], str | None],
+    structs: Mapping[str, tuple[ScenarioParameter, ...]],
+) -> Iterator[tuple[_Path, Any]]:
+    *is_list, kind = parameter.type.split()
+    if is_list and isinstance(value, list):
+        item = ScenarioParameter(parameter.name, kind, None, parameter.line)
+        for place, inner in enumerate(value):
+            yield from _declared(item, inner, (*path, place), text, structs)
+    elif kind in structs and isinstance(value, dict):
+        for field in structs[kind]:
+            if field.name in value:
+                inner = value[field.name]
+                yield from _declared(field, inner, (*path, field.name), text, structs)
+    elif kind == "string":
+        spelt = text(path)
+        if spelt is not None:
+            yield path, spelt
+    elif isinstance(value, str):
+        number = _number_in(value, _expected(kind, parameter.default_text))
+        if number is not None:
+            yield path, number
+
+
+def _number_in(text: str, expected: str | None) -> int | float | None:
+    """The number or truth value of a text, where one is expected."""
+    if expected == _NUMBER and _DECIMAL.fullmatch(text):
+        return float(text)
+    if expected in (_WHOLE, _NUMBER) and _INTEGER.fullmatch(text):
+        return int(text)
+    return _TRUTHS.get(text.lower()) if expected == "true or false" else None
 
 
 def declaration(scenario: Scenario, name: str) -> str:

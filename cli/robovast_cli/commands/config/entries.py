@@ -18,9 +18,11 @@ from robovast.base.yaml_files import YamlLoader
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
 from robovast.model.document import load_document
+from robovast.model.document.declared import apply_types
 from robovast.model.document.loader import Document, check_source
 from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, select_any
+from robovast.model.scenario import Scenario, read_scenario
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.output import asked
 from robovast_cli.ui.report import tell
@@ -61,7 +63,7 @@ def import_entries(target: Path, source: Path) -> None:
         StorageError: the target cannot be written.
     """
     document = load_document(target)
-    given = _read_entries(source)
+    given = _read_entries(source, read_scenario(document.scenario))
     _refuse_known(document, given)
     entries = [entry for entry in given if _is_usable(document, entry, source)]
     if not entries:
@@ -161,10 +163,12 @@ def _indented(text: str, column: int) -> str:
     return "".join(" " * column + line for line in text.splitlines(keepends=True))
 
 
-def _read_entries(source: Path) -> list[Any]:
+def _read_entries(source: Path, scenario: Scenario) -> list[Any]:
     if source.is_dir():
         return [_entry(variant) for variant in read_variants(Layout(source))]
-    data = Source.read(source).data
+    read = Source.read(source)
+    apply_types(read, scenario)
+    data = read.data
     entries = data.get("configuration") if isinstance(data, dict) else None
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{source}: holds no `configuration` list, so there is nothing to import.")

@@ -11,6 +11,7 @@ from robovast_cli.commands.results.options import AnswerFormat, CampaignName, Re
 from robovast_cli.lazy import new_app
 
 if TYPE_CHECKING:
+    from robovast.model.document.search.space import Space
     from robovast.search.results import StoredSearch
 
 app = new_app("Say what a search found: its sets, its progress, where it begins to fail.")
@@ -79,11 +80,12 @@ def search(
         raise InputError(
             f"--at belongs to `critical`, and to `map` with --picture; not to `{what}`."
         )
-    folder, fixed = named_campaign(results_dir or ctx.obj.results, campaign), _fixed(at)
+    folder = named_campaign(results_dir or ctx.obj.results, campaign)
     with working(f"Reading {folder.name}") as tell:
         from robovast.search.results import stored_search
 
         stored = stored_search(folder)
+        fixed = _fixed(at, stored.search.search_space)
         answers = {
             "sets": stored.sets,
             "best": stored.best,
@@ -113,20 +115,22 @@ def _draw(
     write_report(picture, encoded(figure, picture))
 
 
-def _fixed(at: list[str] | None) -> dict[str, Any]:
-    return dict(map(_pair, at or []))
+def _fixed(at: list[str] | None, space: Space) -> dict[str, Any]:
+    return dict(_pair(text, space) for text in at or [])
 
 
-def _pair(text: str) -> tuple[str, Any]:
-    """Name and value of `name=value`."""
+def _pair(text: str, space: Space) -> tuple[str, Any]:
+    """Name and value of `name=value`; the value of a choice is found by its text."""
     import yaml
 
     from robovast.base.errors import InputError
+    from robovast.model.document.search.space import choices
 
     name, separator, value = text.partition("=")
     if not separator:
         raise InputError(f"--at {text}: must be `NAME=VALUE`.")
+    listed = (choices(space[name]) or []) if name in space else []
     try:
-        return name, yaml.safe_load(value)
+        return name, next((one for one in listed if str(one) == value), yaml.safe_load(value))
     except yaml.YAMLError:
         raise InputError(f"--at {text}: the value is not valid.") from None

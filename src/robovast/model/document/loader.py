@@ -11,6 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from robovast.base.errors import DocumentError, Problem
 from robovast.model.document.checks import check_parts, warnings_of
+from robovast.model.document.declared import apply_types
 from robovast.model.document.execution import Execution
 from robovast.model.document.ignored import without_ignored
 from robovast.model.document.model import ConfigurationEntry, Vast
@@ -67,6 +68,7 @@ def check_source(source: Source, *, search: bool = True) -> Document:
     Raises:
         DocumentError: all its problems.
     """
+    apply_types(source)
     if not isinstance(source.data, dict):
         found = "empty" if source.data is None else f"a {type(source.data).__name__}"
         raise DocumentError(

@@ -27,6 +27,27 @@ input). Editors complete and check the keys with `schemas/vast.schema.json`; `va
 prints it.
 """
 
+_TYPES_NOTE = """
+## Types of parameters
+
+The scenario declares the types of its parameters, and these types apply to `parameters`,
+`parameter_overrides`, `ParameterVariationList`, `OneOfVariation` and the choices of a search:
+
+| declared type | value in the file | value of the parameter |
+| --- | --- | --- |
+| `string` | `12:30`, `1.10`, `007`, `no`, `~`, `2024-01-01` | the text as it is written |
+| `float`, or a type with a unit | `0.5`, `1e-3`, `"0.5"` | the number |
+| `int`, `uint` | `12`, `"12"` | the number |
+| `bool` | `true`, `no`, `"yes"` | true or false |
+
+The rule also applies to the items of lists and to the fields of structures that the scenario file
+declares. Any other value is an error, with its place and the line of the declaration. If the
+scenario file cannot be read, or if it does not declare the type, values are those of YAML 1.1, which
+reads `12:30` as 750 and `no` as false: put such text into quotes. Also put it into quotes in a
+Campaign that you apply with `kubectl`, because the Kubernetes API stores values without their
+spelling.
+"""
+
 _PLUGIN_NOTE = """
 ## Plugins in a .vast file
 
@@ -47,7 +68,7 @@ _HEADER = ("| key | type | default | meaning |", "| --- | --- | --- | --- |")
 
 def reference_page() -> str:
     """The page in Markdown."""
-    sections = [_INTRODUCTION, *_tables(Vast, "Top level", set()), _PLUGIN_NOTE]
+    sections = [_INTRODUCTION, *_tables(Vast, "Top level", set()), _TYPES_NOTE, _PLUGIN_NOTE]
     return "\n".join(sections)
 
 

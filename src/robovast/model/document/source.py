@@ -70,12 +70,19 @@ def _cause(error: yaml.MarkedYAMLError, text: str) -> str:
 _COLLECTION_TAGS = frozenset({"tag:yaml.org,2002:map", "tag:yaml.org,2002:seq"})
 
 
+_SIGNS = frozenset({"tag:yaml.org,2002:value", "tag:yaml.org,2002:merge"})
+"""Tags of `=` and `<<`, which are text where a value stands."""
+
+
+class _ImpossibleError(DocumentError):
+    """A value that has a form, such as that of a date, but not its meaning."""
+
+
 class Source:
     """A YAML file's data and the positions of its values.
 
     Attributes:
         file: path of the file, as shown in errors.
-        data: plain Python values (dict, list, str, int, float, bool, None, dates).
         is_followed: true if further YAML documents follow the first, which alone is read.
     """
 
@@ -83,6 +90,8 @@ class Source:
         self.file = file
         self._values: dict[KeyPath, yaml.Mark] = {}
         self._keys: dict[KeyPath, yaml.Mark] = {}
+        self._texts: dict[KeyPath, str] = {}
+        self._impossible: dict[KeyPath, DocumentError] = {}
         self._built: set[int] = set()
         self._repeated = 0
         self._open: set[int] = set()
@@ -92,7 +101,7 @@ class Source:
             nodes = yaml.compose_all(text, Loader=YamlLoader)
             node = next(nodes, None)
             self.is_followed = next(nodes, None) is not None
-            self.data: Any = None if node is None else self._build(node, ())
+            self._data: Any = None if node is None else self._build(node, ())
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             raise DocumentError([self._yaml_problem(_cause(error, text), mark)]) from error
@@ -104,6 +113,37 @@ class Source:
             raise DocumentError([self._yaml_problem(str(error), None)]) from error
         except RecursionError:
             raise self._error("the document is nested too deeply", None) from None
+
+    @property
+    def data(self) -> Any:
+        """Plain Python values (dict, list, str, int, float, bool, None, dates).
+
+        Raises:
+            DocumentError: a value is impossible, such as the 99th day of a month.
+        """
+        for error in self._impossible.values():
+            raise error
+        return self._data
+
+    def at(self, path: KeyPath) -> Any:
+        """The value at a path; None if there is none."""
+        value = self._data
+        for part in path:
+            try:
+                value = value[part]
+            except (TypeError, LookupError):
+                return None
+        return value
+
+    def text(self, path: KeyPath) -> str | None:
+        """The text of a value that YAML reads as something else than text; None for all others."""
+        return self._texts.get(path)
+
+    def replace(self, path: KeyPath, value: Any) -> None:
+        """Put another value in the place of an existing one."""
+        *parents, last = path
+        self.at(tuple(parents))[last] = value
+        self._impossible.pop(path, None)
 
     @classmethod
     def read(cls, file: Path) -> Source:
@@ -150,8 +190,10 @@ class Source:
     def _build(self, node: yaml.Node, path: KeyPath) -> Any:
         self._refuse_explosion(node)
         self._values.setdefault(path, node.start_mark)
+        for known in (self._texts, self._impossible):  # of a merged mapping
+            known.pop(path, None)
         if isinstance(node, yaml.ScalarNode):
-            return self._scalar(node)
+            return self._value(node, path)
         if node.tag not in _COLLECTION_TAGS:
             raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
         if id(node) in self._open:
@@ -165,7 +207,18 @@ class Source:
         finally:
             self._open.discard(id(node))
 
+    def _value(self, node: yaml.ScalarNode, path: KeyPath) -> Any:
+        try:
+            value = self._scalar(node)
+        except _ImpossibleError as error:  # unless it turns out to be text
+            value = self._impossible[path] = DocumentError(error.problems)
+        if not isinstance(value, str):
+            self._texts[path] = node.value
+        return value
+
     def _scalar(self, node: yaml.ScalarNode) -> Any:
+        if node.tag in _SIGNS:
+            return node.value
         if node.tag not in self._scalars.yaml_constructors:
             raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
         try:
@@ -173,10 +226,10 @@ class Source:
             str(value)  # Python refuses to write numbers of thousands of digits
         except (ValueError, KeyError, OverflowError):
             kind = node.tag.rpartition(":")[2].replace("timestamp", "date").replace("int", "number")
-            raise self._error(
-                f"`{node.value[:40]}` is an impossible {kind}; if it is text, put it into quotes",
-                node.start_mark,
-            ) from None
+            message = (
+                f"`{node.value[:40]}` is an impossible {kind}; if it is text, put it into quotes"
+            )
+            raise _ImpossibleError(self._error(message, node.start_mark).problems) from None
         return value
 
     def _refuse_explosion(self, node: yaml.Node) -> None:

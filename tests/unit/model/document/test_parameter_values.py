@@ -66,7 +66,7 @@ def of_entry(folder: Path, key: str, item: str) -> str:
         ("count: 40.0", "`count` must be a whole number, not 40.0"),
         ("count: many", '`count` must be a whole number, not "many"'),
         ("count: null", "`count` must be a whole number, not null"),
-        ("speed: '1'", '`speed` must be a number, not "1"'),
+        ("speed: one", '`speed` must be a number, not "one"'),
         ("length_of_way: 3m", '`length_of_way` must be a number, not "3m"'),
         ("speed: {2026-01-01: 1}", '`speed` must be a number, not {"2026-01-01": 1}'),
         ("wait_time: 2.5", "`wait_time` must be a whole number, as its default `1s` is, not 2.5"),

@@ -16,7 +16,7 @@ FILE = Path("a.vast")
 
 def problem_of(text: str) -> str:
     with pytest.raises(DocumentError) as error:
-        Source(FILE, text)
+        _ = Source(FILE, text).data
     return str(error.value)
 
 
