@@ -279,3 +279,16 @@ def test_a_described_share_is_where_results_come_from(
     assert vast("results", "download", "--from", "cluster").code == 3
     outcome = vast("results", "download", "-n", "lab")
     assert (outcome.code, "ROBOVAST_SHARE_TYPE" in outcome.err) == (3, False)
+
+
+@pytest.mark.parametrize("filters", ["exclude_filter: ['*.json']", "include_filter: ['*.csv']"])
+def test_filters_that_drop_the_records_of_runs_are_reported(
+    vast, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, filters: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    campaign = make_campaign(tmp_path / "results", NAME, f"[{{zip: {{{filters}}}}}]")
+    (campaign / "one" / "0" / "run.json").write_text("{}")
+    outcome = vast("results", "publish", "--skip-postprocessing")
+    assert outcome.code == 0
+    assert "without 1 `run.json`" in outcome.out
+    assert "`exclude_filter` that keep `run.json`" in outcome.out

@@ -13,6 +13,10 @@ _MOST_NAMED = 3
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 """Memory address in an object's text; it would make equal errors look different."""
 
+_LIST = "no configurations.yaml"
+_RECORDS = (_LIST, "no execution.yaml", "no config.yaml", "no sysinfo.yaml")
+"""What every campaign of another tool lacks; the first one shows that it is from another tool."""
+
 ResultT = TypeVar("ResultT")
 
 
@@ -57,8 +61,16 @@ class Findings:
 
     @property
     def notices(self) -> list[str]:
-        """One line for each kind of missing data."""
-        return [f"{what}: {_places(where)}" for what, where in self._missing.items()]
+        """One line for each kind of missing data; one for all that another tool never writes."""
+        missing = dict(self._missing)
+        lines = []
+        if _LIST in missing:
+            absent = [what for what in _RECORDS if missing.pop(what, None)]
+            names = ", ".join(what.removeprefix("no ") for what in absent)
+            lines = [
+                f"no {names}: another tool ran this campaign; its metadata lacks what they hold"
+            ]
+        return lines + [f"{what}: {_places(where)}" for what, where in missing.items()]
 
     @property
     def faults(self) -> list[str]:

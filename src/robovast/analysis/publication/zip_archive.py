@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from filecmp import cmp
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from robovast.analysis.publication.context import Campaign, PublicationContext, context_of
@@ -24,7 +24,7 @@ from robovast.base.safe_paths import MOST_OF_ALL, open_file, read_file
 from robovast.base.serialization import dump_yaml
 from robovast.base.sizes import fmt_size
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.layout import EXECUTION_RECORD
+from robovast.campaign.layout import EXECUTION_RECORD, RUN_RECORD, TEST_RESULT
 from robovast.model.naming import METADATA, get_campaign_timestamp
 
 CHUNK = 2**20
@@ -215,9 +215,10 @@ class _Archive:
     def write(self, path: Path) -> None:
         """Write the whole archive."""
         files, links = self.members()
+        self.remark = self._dropped([*files, *links])
         outside = [inside for inside, target in links.items() if not target]
         if outside:
-            self.remark = f", without {len(outside)} links that leave the campaign"
+            self.remark += f", without {len(outside)} links that leave the campaign"
         made = self._made([*files, *links])
         names = sorted({*files, *links, *made} - set(outside))
         with zipfile.ZipFile(path, "w") as archive:
@@ -236,6 +237,18 @@ class _Archive:
         for relative, path in files_of(self._campaign.path):
             if self._options.filter.takes(relative) and relative not in {METADATA, RO_CRATE}:
                 yield archive_path(relative, omit_hidden=omit), path
+
+    def _dropped(self, kept: Sequence[str]) -> str:
+        """Warn of filters that drop the records without which a run counts as not executed."""
+        stored = [PurePosixPath(relative).name for relative, _ in files_of(self._campaign.path)]
+        packed = [PurePosixPath(name).name for name in kept]
+        for name in (RUN_RECORD, TEST_RESULT):
+            if count := stored.count(name) - packed.count(name):
+                return (
+                    f", without {count} `{name}`, so that the archive lacks these runs: "
+                    f"use globs in `include_filter` and `exclude_filter` that keep `{name}`"
+                )
+        return ""
 
     def _link(self, link: Path) -> str:
         root, omit = self._campaign.path, self._options.omit_hidden

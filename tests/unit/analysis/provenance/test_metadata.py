@@ -279,3 +279,18 @@ def test_results_of_a_local_campaign_come_from_its_records(campaign: Path) -> No
     result = written(campaign)["configurations"][0]["test_results"][0]
     assert (result["success"], result["verdict"]) == ("false", "interrupted")
     assert result["start_time"] == "2026-03-04T15:00:00+00:00"
+
+
+def test_a_campaign_of_another_tool_gets_one_warning(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    run = tmp_path / NAME / "c" / "0"
+    run.mkdir(parents=True)
+    (run / "test.xml").write_text('<testsuite tests="1"><testcase name="a"/></testsuite>')
+    (tmp_path / NAME / "_config").mkdir()
+    (tmp_path / NAME / "_config" / "c.vast").write_text("version: 1\n")
+    write_metadata(tmp_path / NAME)
+    (warning,) = [record.getMessage() for record in caplog.records]
+    for name in ("configurations.yaml", "execution.yaml", "config.yaml", "sysinfo.yaml"):
+        assert name in warning
+    assert "another tool ran this campaign" in warning
