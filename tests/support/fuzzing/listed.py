@@ -107,7 +107,12 @@ TRUSTED: dict[str, tuple[str, ...]] = {
         *("kube/runs", "commands/exec/cluster/chart"),
     ),
     "what this process, or a child that it started, wrote": (
-        *("analysis/postprocessing/worker", "evaluation/notebooks/child", "mcp/question"),
+        *(
+            "base/task_record",
+            "analysis/postprocessing/worker",
+            "evaluation/notebooks/child",
+            "mcp/question",
+        ),
         *("execution/local/scenario_syntax", "analysis/minimise/record"),
         *("kubeapi/cluster_config/base", "storage/compressing", "rosbags_common"),
         "analysis/postprocessing/builtin",

@@ -224,7 +224,7 @@ class Source:
         try:
             value = self._scalars.construct_object(node)
             str(value)  # Python refuses to write numbers of thousands of digits
-        except (ValueError, KeyError, OverflowError):
+        except (ValueError, KeyError, OverflowError, AttributeError):
             kind = node.tag.rpartition(":")[2].replace("timestamp", "date").replace("int", "number")
             message = (
                 f"`{node.value[:40]}` is an impossible {kind}; if it is text, put it into quotes"

@@ -63,6 +63,7 @@ def test_merge_keys_and_aliases_work() -> None:
         ('a: "\a"\n', "the character 0x07 cannot stand in YAML (in line 1)"),
         ("a: 2026-99-99\n", "a.vast:1:4: `2026-99-99` is an impossible date"),
         ("2026-99-99: a\n", "a.vast:1:1: `2026-99-99` is an impossible date"),
+        ("a: !!timestamp x\n", "a.vast:1:4: `x` is an impossible date"),
         (f"a: 0x{'f' * 5000}\n", "a.vast:1:4: `0xffff"),
         (f"a: 1{':59' * 4000}\n", "is an impossible number; if it is text, put it into quotes"),
         ("a: 1\na: 2\n", "a.vast:2:1: the key `a` stands twice in one mapping, first in line 1"),
