@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from asyncio import Future
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -22,6 +23,17 @@ from robovast_operator.pods.verdicts import Report
 from robovast_operator.pods.waiting import Waiting
 
 
+@dataclass(frozen=True)
+class Asked:
+    """An expansion of a Campaign in another process."""
+
+    mark: object
+    """Identifies the input."""
+    source: Object | None
+    """The user's ConfigMap with the input files."""
+    answer: Future[Accepted | Rejected]
+
+
 @dataclass
 class InputsCache:
     """Cache of `effects.inputs`."""
@@ -29,6 +41,8 @@ class InputsCache:
     accepted: Accepted | Rejected | None = None
     accepted_for: str = ""
     """The input that `accepted` was made from."""
+    asked: Asked | None = None
+    """The expansion that was asked for, until `accepted` is made from it."""
     revisions: list[Revision] | None = None
     planned: CampaignPlan | None = None
     """An existing plan; all plans name the same place for the results."""
@@ -43,12 +57,21 @@ class InputsCache:
     """The input that `additions` was made from."""
     expanded: dict[str, Entry | str] = field(default_factory=dict)
     """By content of an added entry: its expansion, or the error."""
+    expanding: dict[str, Future[Entry | str]] = field(default_factory=dict)
+    """By content of an added entry: the expansion that was asked for."""
     withdrawn: set[str] = field(default_factory=set)
     """Deleted Configurations that had asked for runs, by uid."""
 
     def forget(self) -> None:
         """Another replica has created a plan: forget everything, to read and check it again."""
         self.accepted = self.revisions = self.planned = None
+
+    def cancel(self) -> None:
+        """Ask for no expansion any more: the campaign is gone."""
+        if self.asked is not None:
+            self.asked.answer.cancel()
+        for future in self.expanding.values():
+            future.cancel()
 
 
 @dataclass

@@ -19,14 +19,12 @@ from robovast_operator.kube.objects import Key, Object
 from robovast_operator.kube.resync import Kind, Resync
 from robovast_operator.kube.serve import serve
 from robovast_operator.kube.store import Id, JobState, Store, campaign_of, id_of
-from robovast_operator.kube.work_queue import WorkQueue, work
+from robovast_operator.kube.work_queue import WORKERS, WorkQueue, work
 from robovast_operator.planning.pod_limits import most_pods
 from robovast_operator.reconcile import Reconciler
 from robovast_operator.settings import Settings
 
 LOGGER = logging.getLogger(__name__)
-
-WORKERS = 4
 
 ALONE_SECONDS = 1.0
 """A Configuration without its Campaign waits so long [s]: both may be applied together."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from robovast.base.errors import RobovastError
 from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
@@ -25,7 +25,7 @@ from robovast_operator.decide import (
 )
 from robovast_operator.effects.deliveries import Deliveries
 from robovast_operator.effects.diagnose import PATIENCE, Diagnosis
-from robovast_operator.effects.inputs import UNWATCHED, Inputs
+from robovast_operator.effects.inputs import UNWATCHED, Inputs, NotYetError
 from robovast_operator.effects.job_maker import JobMaker
 from robovast_operator.effects.jobs import Jobs
 from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
@@ -45,6 +45,7 @@ from robovast_operator.kube.turns import Turns
 from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
 from robovast_operator.planning.accept import DOCUMENT_CHANGED, with_composition
+from robovast_operator.planning.additions import Additions
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import NOT_FOUND
 from robovast_operator.planning.pod_limits import PodLimit, pod_limit
@@ -75,7 +76,7 @@ class Reconciler:
         self._queue = queue
         self._settings = settings
         self._memories: dict[Key, Memory] = {}
-        self._inputs = Inputs(api, store, settings)
+        self._inputs = Inputs(api, store, settings, queue.add)
         self._queues = Queues(api, store, settings)
         limits = NamespaceLimitsReader(api)
         created = Jobs(api, store, limits)
@@ -90,12 +91,19 @@ class Reconciler:
 
     def forget(self) -> None:
         """Forget what is cached about campaigns: another replica may have changed it."""
-        self._memories.clear()
+        for key in list(self._memories):
+            self._forget(key)
+
+    def _forget(self, key: Key) -> None:
+        if key in self._memories:
+            self._memories.pop(key).inputs.cancel()
 
     async def __call__(self, key: Key) -> None:
         """Reconcile a Campaign; a failure is logged, reported, and tried again later."""
         try:
             await self._reconcile(key)
+        except NotYetError:
+            return
         except (TimeoutError, ApiError, OSError, RobovastError) as error:
             delay = self._queue.add_failed(key, REFUSED_DELAY)
             LOGGER.warning("%s/%s: %s; again in %.0f s", *key, error, delay)
@@ -140,7 +148,7 @@ class Reconciler:
     async def _reconcile(self, key: Key) -> None:
         obj = self._store.campaigns.get(key)
         if obj is None:
-            self._memories.pop(key, None)
+            self._forget(key)
             await self._statuses.waiting(key, NOT_FOUND)
             return
         identity = Identity.of(obj)
@@ -159,6 +167,7 @@ class Reconciler:
     def _memory(self, key: Key, identity: Identity, obj: Object) -> Memory:
         memory = self._memories.get(key)
         if memory is None or memory.uid != identity.uid:
+            self._forget(key)
             memory = self._memories[key] = Memory(identity.uid)
             status = read_status(CampaignStatus, obj.get("status"))
             if is_true(status, "Stalled"):  # a new leader need not wait to find that again
@@ -200,7 +209,7 @@ class Reconciler:
             await self._carry_out(obj, snapshot, decision, memory)
         self._wake(snapshot.pod_limit, memory)
         told = decision.status
-        await self._show_configurations(obj, accepted, revisions[-1], told, additions.problems)
+        await self._show_configurations(obj, accepted, revisions[-1], told, additions)
         foreign = REFUSED_DELAY if memory.taken else None  # no watch tells of others' Jobs
         for delay in (snapshot.pods.again, snapshot.queue.again, decision.again, foreign):
             if delay is not None:
@@ -251,13 +260,13 @@ class Reconciler:
         accepted: Accepted,
         revision: Revision,
         status: CampaignStatus,
-        problems: Mapping[str, str],
+        additions: Additions,
     ) -> None:
         """Keep the objects that show a campaign's entries; no run waits for one that is refused."""
         identity = accepted.identity
         try:
             await self._inputs.make_configurations(accepted)
-            await self._statuses.configurations(accepted, revision, status, problems)
+            await self._statuses.configurations(accepted, revision, status, additions)
         except ApiError as error:
             if error.terminating or error.code == 0:
                 raise

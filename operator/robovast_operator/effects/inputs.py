@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from robovast.base.errors import InputError
@@ -17,15 +17,15 @@ from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.few_at_once import few_at_once
 from robovast_operator.kube.lenient import metadata
-from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import Store
-from robovast_operator.memory import InputsCache
+from robovast_operator.memory import Asked, InputsCache
 from robovast_operator.planning.accept import (
     accept,
     same_document,
     source_changed,
 )
-from robovast_operator.planning.additions import Additions, with_additions
+from robovast_operator.planning.additions import Additions, expand_alone, with_additions
 from robovast_operator.planning.apart import Apart
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import is_own, own_configurations
@@ -43,6 +43,8 @@ from robovast_operator.settings import Settings
 
 LOGGER = logging.getLogger(__name__)
 
+TOO_LARGE = "TooLarge"
+"""Reason of the rejection of a spec whose expansion exceeded its bounds."""
 UNWATCHED = MISSING | {"SourceNotFound", "SourceChanged"}
 """Reasons of rejections that end without an event: they are checked periodically."""
 
@@ -50,28 +52,39 @@ Begun = tuple[Accepted, CampaignPlan]
 """A campaign that may have results, and the plan that its pods use."""
 
 
+class NotYetError(Exception):
+    """Another process works on an answer; the Campaign is scheduled when it has it."""
+
+
 class Inputs:
     """Reads and checks the inputs of campaigns, and makes the ConfigMaps that fix them."""
 
-    def __init__(self, api: Api, store: Store, settings: Settings) -> None:
+    def __init__(
+        self, api: Api, store: Store, settings: Settings, again: Callable[[Key], None]
+    ) -> None:
+        """
+        Args:
+            api: the API server.
+            store: what is known of its objects.
+            settings: of the installation.
+            again: schedules a Campaign.
+        """
         self._api = api
+        self._again = again
         self._store = store
         self._settings = settings
         self._apart = Apart()
         self._needs = Needs(api)
 
     async def accepted(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
-        """Check the Campaign as far as possible here, once for each change of its spec."""
+        """Check the Campaign as far as possible here, once for each change of its spec.
+
+        Raises:
+            NotYetError: another process checks it; the Campaign is scheduled when that has ended.
+        """
         mark = str(obj["metadata"]["generation"])
         if known.accepted is None or known.accepted_for != mark:
-            source = await self._source(obj)
-            if isinstance(source, Rejected):
-                return source
-            try:
-                files = _files(obj, source)
-                accepted = await self._apart(accept, obj, files, self._settings)
-            except InputError as error:
-                accepted = Rejected("TooLarge", str(error))
+            accepted = _too_large(obj) or await self._checked(obj, known)
             if isinstance(accepted, Accepted):
                 planned = await self._where(accepted.identity, known)
                 other = source_changed(planned, accepted)
@@ -79,9 +92,39 @@ class Inputs:
                 if missing is not None:
                     return missing
                 accepted = replace(accepted, planned=planned)
+            elif accepted.reason in UNWATCHED:
+                return accepted
             known.accepted, known.accepted_for = accepted, mark
-            known.source = None if known.files_made else source
+            source = known.asked.source if known.asked is not None else None
+            known.source, known.asked = None if known.files_made else source, None
         return known.accepted
+
+    async def _checked(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
+        """What another process finds about the Campaign and its files.
+
+        Raises:
+            NotYetError: it has not ended.
+        """
+        source = await self._source(obj)
+        if isinstance(source, Rejected):
+            return source
+        mark = obj["metadata"]["generation"], metadata(source or {}).get("resourceVersion")
+        if known.asked is None or known.asked.mark != mark:
+            if known.asked is not None:
+                known.asked.answer.cancel()
+            who = Identity.of(obj).key
+            answer = self._apart.submit(who, accept, obj, _files(obj, source), self._settings)
+            answer.add_done_callback(lambda _: self._again(who))
+            known.asked = Asked(mark, source, answer)
+        if not known.asked.answer.done():
+            raise NotYetError
+        try:
+            return known.asked.answer.result()
+        except InputError as error:
+            return Rejected(TOO_LARGE, str(error))
+        except Exception:
+            known.asked = None  # to be asked for again
+            raise
 
     async def _missing(self, accepted: Accepted, known: InputsCache) -> Rejected | None:
         """The rejection if something that the document needs is missing; None once planned."""
@@ -209,15 +252,35 @@ class Inputs:
         revisions = await self._load_revisions(identity, known)
         mark = (obj["metadata"]["generation"], revisions[-1].number if revisions else -1, *each)
         if known.additions is None or known.additions_for != mark:
-            source = await self._source(obj)
-            files = source if isinstance(source, Rejected) else _files(obj, source)
-            known.additions = await asyncio.to_thread(
-                with_additions,
-                *(obj, accepted, added, files, self._settings, known.expanded),
-                *(Planned.of_revisions(revisions), self._apart.call),
+            _keep_answers(known)
+            planned = Planned.of_revisions(revisions)
+            found = await asyncio.to_thread(
+                with_additions, obj, accepted, added, known.expanded, planned
             )
-            known.additions_for = () if isinstance(files, Rejected) else mark
+            source = await self._source(obj) if found.unknown else None
+            if isinstance(source, Rejected):
+                found = found.without_unknown(source.message)
+            else:
+                self._expand(obj, found.unknown, _files(obj, source), known)
+            whole = not (found.unknown or isinstance(source, Rejected))
+            known.additions, known.additions_for = found, mark if whole else ()
         return known.additions
+
+    def _expand(
+        self, obj: Object, items: Mapping[str, Object], files: Files | None, known: InputsCache
+    ) -> None:
+        """Have Configurations expanded; the Campaign is scheduled whenever one is."""
+        key = Identity.of(obj).key
+        for mark, future in list(known.expanding.items()):
+            if mark not in items:
+                future.cancel()
+                del known.expanding[mark]
+        for mark, item in items.items():
+            if mark not in known.expanding:
+                who = (*key, item["metadata"]["name"])
+                future = self._apart.submit(who, expand_alone, obj, item, files, self._settings)
+                future.add_done_callback(lambda _: self._again(key))
+                known.expanding[mark] = future
 
     async def revisions(
         self, accepted: Accepted, additions: Additions, known: InputsCache
@@ -313,6 +376,30 @@ class Inputs:
         obj["metadata"]["annotations"] = owners_note(revision)
         made = await self._api.create(paths.config_maps(accepted.identity.namespace), obj)
         return made is not None
+
+
+def _too_large(obj: Object) -> Rejected | None:
+    """The rejection of an unchanged spec that took too long: it is not expanded again."""
+    for condition in (obj.get("status") or {}).get("conditions") or ():
+        found = condition["type"], condition["reason"], condition.get("observedGeneration")
+        if found == ("Accepted", TOO_LARGE, obj["metadata"]["generation"]):
+            return Rejected(TOO_LARGE, condition.get("message", ""))
+    return None
+
+
+def _keep_answers(known: InputsCache) -> None:
+    """Keep the expansions that have arrived.
+
+    Raises:
+        OSError: one could not begin; it will be asked for again.
+    """
+    for mark, future in list(known.expanding.items()):
+        if future.done():
+            del known.expanding[mark]
+            try:
+                known.expanded[mark] = future.result()
+            except InputError as error:
+                known.expanded[mark] = str(error)
 
 
 def _files(obj: Object, source: Object | None) -> Files | None:

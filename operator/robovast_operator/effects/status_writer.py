@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import (
@@ -26,6 +26,7 @@ from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import Store
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.kube.work_queue import WorkQueue
+from robovast_operator.planning.additions import Additions
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import (
     NOT_ACCEPTED,
@@ -155,7 +156,7 @@ class Statuses:
         accepted: Accepted,
         revision: Revision,
         status: CampaignStatus,
-        problems: Mapping[str, str],
+        additions: Additions,
     ) -> None:
         """Write the Configurations' statuses at the campaign's end.
 
@@ -163,13 +164,16 @@ class Statuses:
         operator's own have one write when they are made, and one at the end.
         """
         identity, ended = accepted.identity, is_true(status, "ResultsAvailable")
+        unknown = {item["metadata"]["name"] for item in additions.unknown.values()}
         due = [
             item
             for item in self._store.configurations_of(identity.key)
-            if ended or not (is_own(item, identity) or _is_known(item))
+            if item["metadata"]["name"] not in unknown
+            and (ended or not (is_own(item, identity) or _is_known(item)))
         ]
         if due:
-            tell = ConfigurationStatuses(revision, status, format_time(now()), problems)
+            moment = format_time(now())
+            tell = ConfigurationStatuses(revision, status, moment, additions.problems)
             await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
 
     async def waiting(self, key: Key, reason: str) -> None:

@@ -1,4 +1,8 @@
-"""The queue of keys to reconcile: each once, by one worker, with delays after failures."""
+"""The queue of keys to reconcile: each once, by one worker, with delays after failures.
+
+Namespaces take turns, and none occupies all workers: neither many campaigns nor slow answers of
+the API server in one namespace delay the campaigns of another one.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,21 @@ import asyncio
 import heapq
 import random
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from robovast_operator.kube.objects import Key
+from robovast_operator.kube.rotation import Rotation
 
+WORKERS = 16
+SHARE = 4
+"""Maximum number of workers that reconcile campaigns of one namespace."""
+
+DUE = float("-inf")
+BUSY_DELAY = 0.05
+"""Time between two looks whether a worker is still busy with a key [s]."""
 FIRST_DELAY = 1.0
 LONGEST_DELAY = 300.0
 REFUSED_DELAY = 30.0
@@ -21,9 +35,14 @@ REFUSED_DELAY = 30.0
 class WorkQueue:
     """A deduplicating queue with delays."""
 
-    _due: list[tuple[float, Key]] = field(default_factory=list)
+    _later: list[tuple[float, Key]] = field(default_factory=list)
+    """Heap of the keys that are due in the future; entries that `_when` contradicts are void."""
+    _due: Rotation[Key] = field(default_factory=Rotation)
     _when: dict[Key, float] = field(default_factory=dict)
+    """When each key is due; `DUE` for those in `_due`."""
     _busy: set[Key] = field(default_factory=set)
+    _workers: Counter[str] = field(default_factory=Counter)
+    """Number of workers that are busy with each namespace."""
     _failures: dict[Key, int] = field(default_factory=dict)
     _changed: asyncio.Event = field(default_factory=asyncio.Event)
 
@@ -35,7 +54,7 @@ class WorkQueue:
         due = time.monotonic() + delay
         if due < self._when.get(key, float("inf")):
             self._when[key] = due
-            heapq.heappush(self._due, (due, key))
+            heapq.heappush(self._later, (due, key))
             self._changed.set()
 
     def add_failed(self, key: Key, longest: float = LONGEST_DELAY) -> float:
@@ -57,35 +76,41 @@ class WorkQueue:
     async def take(self) -> Key:
         """The next key that is due; it is busy until `done`."""
         while True:
-            wait = self._next_wait()
-            if wait is not None and wait <= 0:
-                _, key = heapq.heappop(self._due)
-                if self._when.get(key, float("inf")) > time.monotonic():
-                    continue  # it was put off, or taken, in between
-                if key in self._busy:
-                    self.add_later(key)
-                    continue
+            self._collect_due()
+            key = self._due.take(self._has_worker)
+            if key is not None:
                 del self._when[key]
                 self._busy.add(key)
+                self._workers[key[0]] += 1
                 return key
             self._changed.clear()
-            try:
+            wait = self._later[0][0] - time.monotonic() if self._later else None
+            with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), wait)
-            except TimeoutError:
-                continue
 
-    def add_later(self, key: Key) -> None:
-        """Schedule a key that a worker is busy with."""
-        self._when.pop(key, None)
-        self.add(key, 0.05)
+    def _collect_due(self) -> None:
+        """Give the keys that fall due a place among those of their namespace."""
+        while self._later and self._later[0][0] <= time.monotonic():
+            due, key = heapq.heappop(self._later)
+            if self._when.get(key) != due:
+                continue  # the key was taken meanwhile, or is due earlier
+            if key in self._busy:
+                del self._when[key]
+                self.add(key, BUSY_DELAY)
+            else:
+                self._when[key] = DUE
+                self._due.add(key[0], key)
+
+    def _has_worker(self, namespace: str) -> bool:
+        return self._workers[namespace] < SHARE
 
     def done(self, key: Key) -> None:
         """Mark a key as finished by its worker."""
         self._busy.discard(key)
+        self._workers[key[0]] -= 1
+        if not self._workers[key[0]]:
+            del self._workers[key[0]]
         self._changed.set()
-
-    def _next_wait(self) -> float | None:
-        return self._due[0][0] - time.monotonic() if self._due else None
 
 
 async def work(queue: WorkQueue, reconcile: Callable[[Key], Awaitable[None]]) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from pydantic import ValidationError
 
-from robovast.base.errors import InputError
 from robovast.kubeapi.source_files import Files
 from robovast.model.packs import RUNS_LIMIT, Entry
 from robovast_operator.kube.objects import Object
@@ -18,13 +17,6 @@ from robovast_operator.planning.configurations import added_entries, entry_name,
 from robovast_operator.planning.revisions import Addition, Planned
 from robovast_operator.settings import Settings
 
-Call = Callable[..., Entry | str]
-"""Calls a function with the arguments that follow."""
-
-
-def _here(function: Callable[..., Entry | str], *arguments: object) -> Entry | str:
-    return function(*arguments)
-
 
 @dataclass(frozen=True)
 class Additions:
@@ -33,17 +25,21 @@ class Additions:
     found: tuple[Addition, ...] = ()
     problems: Mapping[str, str] = field(default_factory=dict)
     """By Configuration that adds nothing: the cause."""
+    unknown: Mapping[str, Object] = field(default_factory=dict)
+    """By content: the Configurations that must be expanded first."""
+
+    def without_unknown(self, problem: str) -> Additions:
+        """The same, if the unknown Configurations cannot be expanded."""
+        problems = {item["metadata"]["name"]: problem for item in self.unknown.values()}
+        return Additions(self.found, {**self.problems, **problems})
 
 
 def with_additions(
     obj: Object,
     accepted: Accepted,
     added: Sequence[Object],
-    files: Files | Rejected | None,
-    settings: Settings,
     known: dict[str, Entry | str],
     planned: Planned,
-    call: Call = _here,
 ) -> Additions:
     """Compute what Configurations add to a campaign; an invalid one does not affect the others.
 
@@ -51,11 +47,8 @@ def with_additions(
         obj: the Campaign.
         accepted: the same, accepted.
         added: the Configurations, oldest first.
-        files: the campaign's input files, or why they cannot be read.
-        settings: of the installation.
-        known: expansion or error of each entry from the last time, by its content.
+        known: expansion or error of entries, by their content; others are removed.
         planned: what was planned before, which stays as it is even if Configurations change.
-        call: what calls the function that expands an entry.
     """
     if not accepted.pure:
         told = "runs can only be added to a campaign whose variations are all built in"
@@ -66,11 +59,18 @@ def with_additions(
     found: list[Addition] = []
     problems: dict[str, str] = {}
     total = planned.total
-    expanded = _expand_new(obj, added, files, settings, known, planned, call)
-    for item, entry in zip(added, expanded, strict=True):
-        name = entry_name(item)
+    unknown: dict[str, Object] = {}
+    generation = obj["metadata"]["generation"]
+    marks = [json.dumps([generation, entry_name(item), item["spec"]]) for item in added]
+    for mark in known.keys() - set(marks):
+        del known[mark]
+    for item, mark in zip(added, marks, strict=True):
+        entry, name = planned.of(item) or known.get(mark), entry_name(item)
         if name in taken:
             entry = f"the campaign has an entry `{name}` already; results are kept by name"
+        if entry is None:
+            unknown[mark] = item
+            continue
         runs = item["spec"].get("runs") or accepted.runs
         if isinstance(entry, Entry):
             more = entry.variants * max(0, runs - planned.runs.get(name, 0))
@@ -84,52 +84,19 @@ def with_additions(
         taken.add(name)
         (content,) = added_entries([item])
         found.append(Addition(entry, runs, reference(item), content))
-    return Additions(tuple(found), problems)
+    return Additions(tuple(found), problems, unknown)
 
 
-def _expand_new(
-    obj: Object,
-    added: Sequence[Object],
-    files: Files | Rejected | None,
-    settings: Settings,
-    known: dict[str, Entry | str],
-    planned: Planned,
-    call: Call,
-) -> list[Entry | str]:
-    """The expansion or error of each Configuration; known entries are not expanded again."""
-    generation = obj["metadata"]["generation"]
-    marks = [json.dumps([generation, entry_name(item), item["spec"]]) for item in added]
-    for mark in known.keys() - set(marks):
-        del known[mark]
-    return [
-        planned.of(item) or _expand(obj, item, mark, files, settings, known, call)
-        for mark, item in zip(marks, added, strict=True)
-    ]
-
-
-def _expand(
-    obj: Object,
-    item: Object,
-    mark: str,
-    files: Files | Rejected | None,
-    settings: Settings,
-    known: dict[str, Entry | str],
-    call: Call,
-) -> Entry | str:
-    if mark not in known and isinstance(files, Rejected):
-        return files.message
-    if mark not in known:
-        try:
-            known[mark] = call(_entry, obj, item, files, settings)
-        except InputError as error:
-            known[mark] = str(error)
-    return known[mark]
-
-
-def _entry(obj: Object, item: Object, files: Files | None, settings: Settings) -> Entry | str:
-    """The expansion or error of an entry as the only one of the document.
+def expand_alone(obj: Object, item: Object, files: Files | None, settings: Settings) -> Entry | str:
+    """Expand a Configuration as the only entry of the document; return an error as text.
 
     So each is expanded once, even if others come and go.
+
+    Args:
+        obj: the Campaign.
+        item: the Configuration.
+        files: the campaign's input files.
+        settings: of the installation.
     """
     try:
         (entry,) = added_entries([item])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -71,8 +72,11 @@ def _follow(folders: Folders, container: RunContainer, silence: float, stop: Eve
             endpoint = Endpoint.parse(pack.endpoint, pack.region)
             store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE + 2)
             with Background() as background:
+                yielding = ObjectStore(
+                    endpoint, credentials, patience=0, connections=1, stopped=background.is_busy
+                )
                 bucket = Bucket(store, pack.bucket, pack.owner)
-                results = Results(bucket, pack, os.environ.get("POD_NAME", ""))
+                results = Results(bucket, pack, os.environ.get("POD_NAME", ""), yielding)
                 keeper = _Keeper(folders, results, background, verdicts, bad, took)
                 watched = Silence(folders.work / SILENT, silence)
                 _follow_jobs(folders, pack, container, keeper, stop, watched)
@@ -141,19 +145,23 @@ class _Keeper:
         self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
     def run_over(self, ended: EndedRun) -> None:
-        self._background.do(lambda: self._output_of(ended.job, self._results.store_snapshot))
         self._background.do(lambda: self._store_run(ended))
 
     def job_over(self, job: PodStart, folder: Path, last: EndedRun | None) -> None:
-        self._background.do(lambda: self._results.store_job(job, folder))
+        """Store its last run first: its logs may take long, and are shown already, as far as known.
+
+        Its logs are stored when none of them is being stored as it was before.
+        """
         if last is not None:
             self._background.do(lambda: self._store_run(last))
+        self._background.do(self._background.wait_for_side)
+        self._background.do(lambda: self._results.store_job(job, folder))
 
     def goes_on(self, job: PodStart) -> None:
         self._background.check()
         if time.monotonic() >= self._next_snapshot:
-            self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
-            self._background.do(lambda: self._store_logs(job))
+            self._next_snapshot = math.inf
+            self._background.do_aside(lambda: self._store_logs(job))
 
     def wait(self) -> None:
         """Wait until everything is stored."""
@@ -170,13 +178,17 @@ class _Keeper:
     def _store_logs(self, job: PodStart) -> None:
         """Store how far the logs of a job have come, for people who look at it meanwhile.
 
-        They are stored again at its end; until then a run goes on whether the server takes them.
+        They are stored again at its end; until then a run continues whether the server takes them.
         """
-        with suppress(StorageError, OSError):
+        try:
             self._output_of(job, self._results.store_logs)
+        except (StorageError, OSError):
+            pass
+        finally:
+            self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
 
     def _output_of(self, job: PackStart, store: Callable[[PackStart, Path], None]) -> None:
-        """Store from the folder of a job that goes on, if it is there, whatever takes its place."""
+        """Store from the folder of a running job, if it exists, whatever takes its place."""
         jobs = self._folders.out / JOBS
         with (
             suppress(FileNotFoundError, NotADirectoryError),

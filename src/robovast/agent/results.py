@@ -8,8 +8,9 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from threading import Lock
 from typing import BinaryIO
 
 from robovast.agent.bucket import Bucket
@@ -20,23 +21,34 @@ from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
 from robovast.campaign.checksums import recorded
-from robovast.campaign.layout import JOBS, LOGS
+from robovast.campaign.layout import JOBS, LOGS, SYSTEM_LOG
 from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.places import Keys
 from robovast.campaign.records import Circumstances, EndedRun, copied_record, make_record
 from robovast.campaign.run_files import MOST_TOLD, StoredFile, Writer, escaped
 from robovast.campaign.run_record import RunRecord
 from robovast.model.plan import PackStart, Run
+from robovast.storage.s3 import ObjectStore
 
 RUNTIME = "kubernetes"
 """Name of this runtime in run.json."""
 
 SNAPSHOT_INTERVAL = 30.0
-"""Shortest time between two snapshots of a running job's logs, for those who look at it and in case
-its pod is lost [s]."""
+"""Shortest time between two snapshots of a running job's files, for those who look at it and in
+case its pod is lost [s]."""
+REFRESH = 100.0
+"""When an unchanged, small log is stored again, whose time tells that its job runs [s]."""
+SMALL = 2**20
+"""Size up to which that is done [byte]."""
 
-SMALL = 16 * 2**20
-"""Largest file of a running job that is stored in a snapshot [byte]."""
+ROOM = 16 * 2**20
+"""Most that one snapshot stores [byte]: of a log that is larger, the last part."""
+LEAST = 2**16
+"""Least part of a log that is stored [byte]."""
+MOST_FILES = 100
+"""Most files that one snapshot stores."""
+PACE = 2**18
+"""Most that the snapshots of a pod store on average [byte/s]."""
 
 MISSING = "missing.json"
 """File in a job's folder that lists what could not be stored."""
@@ -48,19 +60,26 @@ class Results:
     Every method raises `StorageError` when the server refuses, or is gone for too long.
     """
 
-    def __init__(self, bucket: Bucket, pack: Pack, pod: str) -> None:
+    def __init__(
+        self, bucket: Bucket, pack: Pack, pod: str, yielding: ObjectStore | None = None
+    ) -> None:
         """
         Args:
             bucket: the campaign's.
             pack: of the pod.
             pod: name of the pod that executes the runs; empty when none does.
+            yielding: the same server, for snapshots: it stops when results are to be stored.
         """
         self._bucket = bucket
+        self._yielding = yielding or bucket.store
         self._pod = pod
         self._pack = pack
         self._host = os.environ.get("NODE_NAME") or socket.gethostname()
         self._names: dict[int, str] = {}
+        self._claiming = Lock()
         self._next_snapshot = 0.0
+        self._sent: dict[str, _Sent] = {}
+        """By key of the current job's files: what the last snapshot of them stored."""
         self._begun: set[str] = set()
         """Where something of a job may be stored already: no other pod stores it."""
 
@@ -143,46 +162,93 @@ class Results:
         def store(path: str, _: int, file: BinaryIO) -> bool:
             return self._bucket.put(prefix + escaped(path), file, there)
 
+        self._sent = {}
         _, missing = store_files(folder, store)
         if missing.told():
             told = json.dumps([file.data() for file in missing.told()], indent=1)
             self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, told.encode())
         _remove(folder)
 
-    def store_snapshot(self, job: PackStart, folder: Path) -> None:
-        """Store the small files of a running job periodically."""
+    def store_logs(self, job: PackStart, folder: Path) -> None:
+        """Store how far the logs and the other files of a running job have come.
+
+        Files that have not changed are not stored again. Of a log without room, the last part is
+        stored, and a first line says so.
+        """
         if time.monotonic() < self._next_snapshot:
             return
-        for key, file in self._small_files(job, folder):
-            self._bucket.store.put(self._bucket.name, key, file)
-        self._next_snapshot = time.monotonic() + SNAPSHOT_INTERVAL
-
-    def store_logs(self, job: PackStart, folder: Path) -> None:
-        """Store how far the logs of a running job have come; their time tells that it goes on."""
-        for key, file in self._small_files(job, folder, f"{LOGS}/"):
-            self._bucket.store.put_new(self._bucket.name, key, file)
-
-    def _small_files(
-        self, job: PackStart, folder: Path, below: str = ""
-    ) -> Iterator[tuple[str, BinaryIO]]:
-        """Key and content of a job's small files whose paths begin so."""
         prefix = f"{JOBS}/{self._name(job)}/"
         self._begun.add(prefix)
-        for path, file in open_files(folder):
-            if isinstance(file, OSError):
-                continue  # it is told of at the end of the job
+        room, number = ROOM, 0
+        for path, file in _files_of(folder):
             with file:
-                if path.startswith(below) and os.fstat(file.fileno()).st_size <= SMALL:
-                    yield prefix + escaped(path), file
+                state = os.fstat(file.fileno())
+                now = _Sent(state.st_size, state.st_mtime_ns, time.monotonic())
+                key, size = prefix + escaped(path), min(now.size, room)
+                cut = size < now.size
+                if (
+                    not now.is_due(self._sent.get(key), path)
+                    or (cut and (size < LEAST or not path.startswith(f"{LOGS}/")))
+                    or number == MOST_FILES
+                ):
+                    continue
+                if cut:
+                    self._yielding.put_bytes(self._bucket.name, key, _last_part(file, size))
+                else:
+                    self._yielding.put_new(self._bucket.name, key, file)
+                self._sent[key], room, number = now, room - size, number + 1
+        self._next_snapshot = time.monotonic() + (ROOM - room) / PACE
 
     def _name(self, job: PackStart) -> str:
         """Name of a job in the bucket: the pod's first one was claimed before."""
         if job.index == 1:
             return job.name
-        if job.index not in self._names:
-            number = claim_job(self._bucket, self._pack, job)
-            self._names[job.index] = self._pack.job_name(number)
-        return self._names[job.index]
+        with self._claiming:
+            if job.index not in self._names:
+                number = claim_job(self._bucket, self._pack, job)
+                self._names[job.index] = self._pack.job_name(number)
+            return self._names[job.index]
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """A file that a snapshot stores."""
+
+    size: int
+    modified: int
+    """[ns since the epoch]"""
+    at: float
+    """Time of the snapshot [s]."""
+
+    def is_due(self, last: _Sent | None, path: str) -> bool:
+        """Whether it is stored after a snapshot that stored it before."""
+        if last is None or (self.size, self.modified) != (last.size, last.modified):
+            return True
+        return path == SYSTEM_LOG and self.size <= SMALL and self.at >= last.at + REFRESH
+
+
+def _files_of(folder: Path) -> Iterator[tuple[str, BinaryIO]]:
+    """The readable files of a running job, the log of the job first."""
+    for is_first in (True, False):
+        for path, file in open_files(folder):
+            if isinstance(file, OSError):
+                continue  # reported at the end of the job
+            if (path == SYSTEM_LOG) is is_first:
+                yield path, file
+            else:
+                file.close()
+
+
+def _last_part(file: BinaryIO, size: int) -> bytes:
+    """The last whole lines of a log [byte], and a first line that says so."""
+    whole = os.fstat(file.fileno()).st_size
+    part = os.pread(file.fileno(), size, whole - size)
+    first, _, rest = part.partition(b"\n")
+    kept = rest or first
+    left_out = (
+        f"... the first {whole - len(kept):,} bytes of this log are stored when its job ends\n"
+    )
+    return left_out.encode() + kept
 
 
 def _remove(folder: Path) -> None:

@@ -14,8 +14,9 @@ from robovast.campaign.places import ORIGIN
 from robovast.evaluation.summaries import ActiveJob, VariantRuns
 
 RECENT = 150.0
-"""How old the log of such a job may be [s]: while it goes on, it is stored every half minute
-(`SNAPSHOT_INTERVAL` of robovast.agent.results), and the mirror looks once a minute."""
+"""How old the newest file of such a job may be [s]: while a job runs, its changed files are stored
+every half minute, large ones more rarely (`SNAPSHOT_INTERVAL` and `PACE` of
+robovast.agent.results), and the mirror looks once a minute."""
 
 _JOB = re.compile(r"job-(\d{1,9})(?:-(\d{1,9}))?")
 _CLAIM = re.compile(r"# attempt \d+, runs ([\d,-]+), executed by ")
@@ -44,14 +45,20 @@ def mirrored_jobs(
 
 
 def _recent(root: Path, now: float) -> Iterator[tuple[tuple[int, int], str]]:
-    """Place in order, and name, of jobs whose log was stored not long ago."""
+    """Place in order, and name, of jobs with a log of which a file was stored not long ago."""
     for name in _names(root / JOBS):
-        found = _JOB.fullmatch(name)
+        found, folder = _JOB.fullmatch(name), root / JOBS / name
         try:
-            age = now - (root / JOBS / name / SYSTEM_LOG).stat(follow_symlinks=False).st_mtime
+            stored = (folder / SYSTEM_LOG).stat(follow_symlinks=False).st_mtime
+            with os.scandir(folder) as others:
+                times = [
+                    entry.stat(follow_symlinks=False).st_mtime
+                    for entry in others
+                    if entry.is_file(follow_symlinks=False)
+                ]
         except OSError:  # it has none yet
             continue
-        if found and age < RECENT:
+        if found and now - max(stored, *times, 0.0) < RECENT:
             yield (int(found[1]), int(found[2] or 1)), name
 
 

@@ -89,6 +89,7 @@ class ObjectStore:
         *,
         patience: float = HOLDING_RESULTS,
         connections: int = 8,
+        stopped: Callable[[], bool] | None = None,
     ) -> None:
         """
         Args:
@@ -96,10 +97,11 @@ class ObjectStore:
             credentials: the account.
             patience: how long to retry if the server does not respond [s].
             connections: number of threads that share the store.
+            stopped: whether to stop uploads, which then raise `StoppedError`.
         """
         self.endpoint = endpoint
         self._patience = patience
-        self._client = connect(endpoint, credentials, patience, connections + PARTS)
+        self._client = connect(endpoint, credentials, patience, connections + PARTS, stopped)
         self._parts = ThreadPoolExecutor(PARTS, "parts")
 
     def buckets(self) -> list[str]:

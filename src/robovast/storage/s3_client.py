@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import socket
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Protocol
 
@@ -11,8 +13,10 @@ import certifi
 import urllib3
 from minio import Minio
 from minio.datatypes import Part
+from urllib3.connection import HTTPConnection
 
 from robovast.base.backoff import BUSY, FIRST_PAUSE, LONGEST_PAUSE
+from robovast.base.errors import StorageError
 from robovast.storage.endpoint import Credentials, Endpoint
 
 MOST_RETRIES = 6
@@ -39,11 +43,34 @@ class Body(Protocol):
         """Set the position."""
 
 
+class StoppedError(StorageError):
+    """An upload was stopped for something more urgent."""
+
+
+@dataclass
+class _Stoppable:
+    """A body whose upload can be stopped after each block."""
+
+    body: Body
+    stopped: Callable[[], bool]
+
+    def read(self, size: int = -1, /) -> bytes:
+        """The next bytes."""
+        if self.stopped():
+            raise StoppedError("the upload was stopped for something more urgent")
+        return self.body.read(size)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.body, name)
+
+
 class Client(Minio):
-    """Adds streamed bodies and conditional requests.
+    """Adds streamed bodies, conditional requests, and uploads that can be stopped.
 
     minio only accepts parts as `bytes`, and no headers except metadata.
     """
+
+    stopped: Callable[[], bool] | None = None
 
     def put(
         self,
@@ -58,7 +85,7 @@ class Client(Minio):
             "PUT",
             bucket,
             key,
-            body=body,  # type: ignore[arg-type]
+            body=_Stoppable(body, self.stopped) if self.stopped else body,  # type: ignore[arg-type]
             headers=dict(headers),
             query_params=dict(query or {}),
             no_body_trace=True,
@@ -89,7 +116,11 @@ class Client(Minio):
 
 
 def connect(
-    endpoint: Endpoint, credentials: Credentials, patience: float, connections: int
+    endpoint: Endpoint,
+    credentials: Credentials,
+    patience: float,
+    connections: int,
+    stopped: Callable[[], bool] | None = None,
 ) -> Client:
     """A thread-safe client.
 
@@ -99,8 +130,10 @@ def connect(
         patience: limit of all retries [s]; the client itself uses about 30 s of it, `persist`
             the rest.
         connections: size of the connection pool.
+        stopped: whether to stop uploads; then little is kept on the way to the server.
     """
-    return Client(
+    buffer = [(socket.SOL_SOCKET, socket.SO_SNDBUF, BLOCK)] if stopped else []
+    client = Client(
         endpoint.host,
         access_key=credentials.access_key,
         secret_key=credentials.secret_key,
@@ -112,8 +145,11 @@ def connect(
             blocksize=BLOCK,
             ca_certs=os.environ.get("SSL_CERT_FILE") or certifi.where(),
             retries=_retries(patience),
+            socket_options=[*HTTPConnection.default_socket_options, *buffer],
         ),
     )
+    client.stopped = stopped
+    return client
 
 
 def _retries(patience: float) -> urllib3.Retry:

@@ -28,7 +28,7 @@ from robovast.model.packs import Block, Entry, PlanSpec
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.objects import Object
 from robovast_operator.planning.accept import Files
-from robovast_operator.planning.additions import Additions, with_additions
+from robovast_operator.planning.additions import Additions, expand_alone, with_additions
 from robovast_operator.planning.campaign import Rejected, Revision
 from robovast_operator.planning.configurations import ConfigurationStatuses
 from robovast_operator.planning.revisions import Planned, as_planned, next_revision
@@ -54,8 +54,13 @@ def added(
 ) -> Additions:
     """What Configurations add to the campaign."""
     known = {} if known is None else known
-    before = Planned.of_revisions(planned)
-    return with_additions(campaign(**spec), accepted(**spec), items, files, SETTINGS, known, before)
+    obj, made, before = campaign(**spec), accepted(**spec), Planned.of_revisions(planned)
+    found = with_additions(obj, made, items, known, before)
+    if isinstance(files, Rejected):
+        return found.without_unknown(files.message)
+    for mark, item in found.unknown.items():
+        known[mark] = expand_alone(obj, item, files, SETTINGS)
+    return with_additions(obj, made, items, known, before)
 
 
 def planned_with(*steps: Sequence[Object], text: str = "") -> list[Revision]:

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.kube.fake_cluster import SETTINGS, accepted, campaign
 
+from robovast.base.errors import InputError
 from robovast.model.packs import Block, PlanSpec
 from robovast_operator import operator as operator_module
 from robovast_operator.effects import inputs as inputs_module
@@ -226,11 +227,14 @@ class Server(Api):
 class Here:
     """Calls functions in this process, where hundreds of examples can be afforded."""
 
-    async def __call__(self, function: Callable[..., Any], *args: Any) -> Any:
-        return function(*args)
-
-    def call(self, function: Callable[..., Any], *args: Any) -> Any:
-        return function(*args)
+    def submit(self, who: tuple[str, ...], function: Callable[..., Any], *args: Any) -> Any:
+        assert who
+        future = asyncio.get_running_loop().create_future()
+        try:
+            future.set_result(function(*args))
+        except InputError as error:
+            future.set_exception(error)
+        return future
 
 
 @contextmanager
@@ -271,7 +275,7 @@ async def look(objects: dict[str, list[Any]]) -> Server:
     for name in ("campaign", "configuration", "job"):
         for obj in objects[f"{name}s"]:
             getattr(operator, f"{name}_event")("MODIFIED", copy.deepcopy(obj))
-    for _ in range(2):
+    for _ in range(3):  # expanded, planned, looked at again
         for key in (*operator.store.campaigns, ("lab", "nobody")):
             memory = operator._reconcile._memories.get(key)
             if memory is not None:  # long enough for a look at pods and queues
