@@ -88,6 +88,8 @@ class Api:
                 yield shaped(items.pop())
             if not token:
                 return
+            if token == query.get("continue"):
+                raise OSError(f"GET {path}: the server sends the same page of the list again")
             query = {**query, "continue": token}
 
     async def can_stream_lists(self, path: str) -> bool:

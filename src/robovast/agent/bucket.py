@@ -8,11 +8,11 @@ written last and names its files. Nobody removes what another record may name, b
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
-from itertools import count
+from collections.abc import Callable, Iterable, Sequence
 from typing import BinaryIO
 
 from robovast.agent.pack import job_name
+from robovast.base.errors import StorageError
 from robovast.campaign.layout import RUN_RECORD, parameters_key
 from robovast.campaign.places import Keys
 from robovast.campaign.run_files import FileList, StoredFile, Writer, write_list
@@ -22,6 +22,9 @@ from robovast.model.packs import Owner
 from robovast.model.plan import Run
 from robovast.storage.bucket_ownership import claim, is_owned
 from robovast.storage.s3 import ObjectStore
+
+MOST_JOBS = 10_000
+"""Most jobs of one pack; each pod that begins it claims some."""
 
 
 class Bucket:
@@ -117,8 +120,7 @@ class Bucket:
 
     def first_free_job(self, pack: int) -> int:
         """The first number of a job of the pack that nobody has claimed, from 1."""
-        names = ((number, parameters_key(job_name(pack, number))) for number in count(1))
-        return next(n for n, key in names if self.store.digest(self.name, key) is None)
+        return self._first(pack, 1, lambda key: self.store.digest(self.name, key) is None)
 
     def claim_job(self, pack: int, first: int, content: bytes) -> int:
         """Claim a job for the caller alone, and return its number.
@@ -128,8 +130,21 @@ class Bucket:
             first: the number to try first.
             content: the job's parameter documents, different for every caller.
         """
-        keys = ((number, parameters_key(job_name(pack, number))) for number in count(first))
-        return next(n for n, key in keys if self.store.create(self.name, key, content))
+        return self._first(pack, first, lambda key: self.store.create(self.name, key, content))
+
+    def _first(self, pack: int, first: int, fits: Callable[[str], bool]) -> int:
+        """The first number of a job whose parameters' key fits.
+
+        Raises:
+            StorageError: none does, so the server's answers are wrong.
+        """
+        for number in range(first, first + MOST_JOBS):
+            if fits(parameters_key(job_name(pack, number))):
+                return number
+        raise StorageError(
+            f"{self.name}: the server reports that {MOST_JOBS:,} jobs of pack {pack} exist, more "
+            "than can be. Check the server, or a proxy on the way to it."
+        )
 
     def claim_of(self, pack: int, number: int) -> bytes:
         """The content of a job's claim; empty if there is none."""

@@ -20,6 +20,7 @@ from robovast.agent.pack import Pack
 from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
+from robovast.base.errors import StorageError
 from robovast.campaign.checksums import recorded
 from robovast.campaign.layout import JOBS, LOGS, SYSTEM_LOG
 from robovast.campaign.own_names import set_own_names_aside
@@ -49,6 +50,9 @@ MOST_FILES = 100
 """Most files that one snapshot stores."""
 PACE = 2**18
 """Most that the snapshots of a pod store on average [byte/s]."""
+
+WRITERS = 20
+"""Most other writers that may store the same run meanwhile."""
 
 MISSING = "missing.json"
 """File in a job's folder that lists what could not be stored."""
@@ -110,11 +114,15 @@ class Results:
         return self._store(run, folder, lambda: record)
 
     def _store(self, run: Run, folder: Path, made: Callable[[], RunRecord]) -> RunRecord:
-        record = self._settled(run.path, folder, made)
-        while record is None:
+        for _ in range(WRITERS):
             record = self._settled(run.path, folder, made)
-        _remove(folder)
-        return record
+            if record is not None:
+                _remove(folder)
+                return record
+        raise StorageError(
+            f"{run.path}: its record was replaced {WRITERS} times while it was stored. Does the "
+            "server support conditional writes (If-Match)?"
+        )
 
     def _settled(self, run: str, folder: Path, made: Callable[[], RunRecord]) -> RunRecord | None:
         """The stored record; None if another writer came in between."""

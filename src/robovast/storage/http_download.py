@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 from urllib3 import BaseHTTPResponse
 from urllib3.exceptions import HTTPError
@@ -46,11 +48,10 @@ def download(
         HttpError: the server refused.
         StorageError: it cannot be reached, or the file cannot be written.
     """
-    pauses = Pauses(TRANSFERRING)
     etag = ""
     with writing(dest), dest.open("r+b" if offset and dest.exists() else "wb") as file:
-        file.seek(offset)
-        file.truncate()
+        transfer = _Transfer(file, progress, offset)
+        transfer.start_at(offset)
         while True:
             asked = _range_headers(file.tell(), etag)
             with client.opened(
@@ -60,30 +61,52 @@ def download(
                 headers={**(headers or {}), **asked},
                 accept={_NO_SUCH_RANGE},
             ) as answer:
-                if answer.status == _NO_SUCH_RANGE:  # complete already, or changed
-                    if _total(answer, 0) == file.tell():
-                        return
-                    file.seek(0)
-                    file.truncate()
-                    continue
-                first, total = _place(answer)
                 etag = answer.headers.get("ETag", "")
-                file.seek(first)
-                file.truncate()
-                try:
-                    for chunk in answer.stream(CHUNK):
-                        file.write(chunk)
-                        pauses.reset()
-                        if progress:
-                            progress(file.tell(), total)
-                except HTTPError as error:
-                    cause: object = error
-                else:
-                    if file.tell() >= total:
-                        return
-                    cause = f"only {file.tell()} of {total} bytes arrived"
-            if not pauses.wait():
+                cause = transfer.receive(answer)
+            if cause is None:
+                return
+            if not transfer.pauses.wait():
                 raise StorageError(f"{client.name}: cannot {attempt}: {cause}.")
+
+
+@dataclass
+class _Transfer:
+    """A file that arrives, and whether it gets on: only then it has its full patience again."""
+
+    file: IO[bytes]
+    progress: Callable[[int, int], None] | None
+    farthest: int
+    pauses: Pauses = field(default_factory=lambda: Pauses(TRANSFERRING))
+
+    def start_at(self, position: int) -> None:
+        """Continue at a position."""
+        self.file.seek(position)
+        self.file.truncate()
+
+    def receive(self, answer: BaseHTTPResponse) -> object:
+        """Write a response; return why the file is not complete, or None."""
+        if answer.status == _NO_SUCH_RANGE:  # complete already, or changed
+            if _total(answer, 0) == self.file.tell():
+                return None
+            self.start_at(0)
+            return "the file has changed"
+        first, total = _place(answer)
+        self.start_at(first)
+        try:
+            for chunk in answer.stream(CHUNK):
+                self.file.write(chunk)
+                self._note(self.file.tell(), total)
+        except HTTPError as error:
+            return error
+        arrived = self.file.tell()
+        return None if arrived >= total else f"only {arrived} of {total} bytes arrived"
+
+    def _note(self, position: int, total: int) -> None:
+        if position > self.farthest:
+            self.farthest = position
+            self.pauses.reset()
+        if self.progress:
+            self.progress(position, total)
 
 
 def _range_headers(offset: int, etag: str) -> dict[str, str]:

@@ -276,14 +276,17 @@ class ObjectStore:
             return [item.object_name[len(prefix) : -1] for item in items if item.is_dir]
 
     def _items(self, bucket: str, prefix: str, *, recursive: bool) -> Iterator[Any]:
-        last: str | None = None
+        first = last = None
         pauses = Pauses(self._patience)
         while True:
             try:
                 for item in self._client.list_objects(
                     bucket, prefix, recursive=recursive, start_after=last
                 ):
+                    if last is not None and item.object_name == first:
+                        raise StorageError(f"{bucket}: the server lists the same objects again.")
                     last = item.object_name
+                    first = first or last
                     yield item
                 return
             except (MinioException, HTTPError) as error:

@@ -27,6 +27,8 @@ BUCKET = "ROBOVAST_GCS_BUCKET"
 PREFIX = "ROBOVAST_GCS_PREFIX"
 KEY_FILE = "ROBOVAST_GCS_KEY_FILE"
 KEY_JSON = "ROBOVAST_GCS_KEY_JSON"
+IDLE_ANSWERS = 3
+"""Number of answers without progress after which an upload fails."""
 EMULATOR = "STORAGE_EMULATOR_HOST"
 """Address of a server in place of Google's, with the name that Google's own libraries use."""
 
@@ -98,6 +100,7 @@ class GcsShareProvider(BaseShareProvider):
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
         """Archives directly below the prefix."""
         found: list[tuple[str, int]] = []
+        seen: set[str] = set()
         query = {
             "prefix": self._prefix,
             "delimiter": "/",
@@ -115,9 +118,16 @@ class GcsShareProvider(BaseShareProvider):
                 name = str(item["name"]).removeprefix(self._prefix)
                 if name.endswith(".tar.gz"):
                     found.append((name, int(item["size"])))
-            if "nextPageToken" not in data:
+            token = data.get("nextPageToken")
+            if token is None:
                 return sorted(found)
-            query["pageToken"] = data["nextPageToken"]
+            if token in seen:
+                raise StorageError(
+                    f"{self._client.name}: cannot list the bucket: the server sends the same page "
+                    "again and again. Check a proxy on the way to the server."
+                )
+            seen.add(token)
+            query["pageToken"] = token
 
     def download_archive(
         self,
@@ -183,9 +193,13 @@ class GcsShareProvider(BaseShareProvider):
         size: int,
         progress: ProgressCallback | None,
     ) -> Mapping[str, Any]:
-        """Send missing parts until the server has all of them."""
-        offset = 0
-        while True:
+        """Send missing parts until the server has all of them.
+
+        Raises:
+            StorageError: the server accepts parts without storing any of them.
+        """
+        offset = farthest = idle = 0
+        while idle < IDLE_ANSWERS:
             stream.seek(offset)
             part = stream.read(PART)
             last = offset + len(part) - 1
@@ -205,6 +219,13 @@ class GcsShareProvider(BaseShareProvider):
                 progress(size if is_complete else offset, size)
             if is_complete:
                 return self._client.data(answer)
+            idle = 0 if offset > farthest else idle + 1
+            farthest = max(farthest, offset)
+        raise StorageError(
+            f"{self._client.name}: cannot upload {name}: the server has accepted the part from "
+            f"byte {offset} {IDLE_ANSWERS} times without storing it. Check a proxy on the way to "
+            "the server, then repeat the command."
+        )
 
     def _authorization(self, *, needed: bool = False) -> dict[str, str]:
         """Header with an access token; empty without a key, which public buckets do not need."""
