@@ -27,6 +27,8 @@ class Settings:
     """Namespaces to work in; none means all."""
     secret_names: tuple[str, ...] = ()
     """Secrets that Campaigns may name beside those with the prefix."""
+    reuse_namespaces: tuple[str, ...] = ()
+    """Namespaces whose Campaigns may reuse runs; `*` means all."""
     restricted_runs: bool = True
     """Whether run containers may not gain privileges."""
     pod_limits: Mapping[str, int] = field(default_factory=dict)
@@ -97,6 +99,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         region=environment.get("ROBOVAST_S3_REGION") or None,
         namespaces=names("ROBOVAST_NAMESPACES"),
         secret_names=names("ROBOVAST_SECRET_NAMES"),
+        reuse_namespaces=names("ROBOVAST_REUSE_NAMESPACES"),
         restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
         pod_limits=_pod_limits(environment.get("ROBOVAST_POD_LIMITS") or "{}"),
         work_request=environment.get("ROBOVAST_WORK_REQUEST", ""),

@@ -57,7 +57,8 @@ class Place:
         made["spec"]["source"] = SOURCE
         files = {"scenario.osc": scenario}
         config_map = {"apiVersion": "v1", "kind": "ConfigMap", "data": files}
-        meta = {"name": "files", "namespace": self.namespace}
+        labels = {"robovast.io/source": "true"}
+        meta = {"name": "files", "namespace": self.namespace, "labels": labels}
         self.cluster.apply({**config_map, "metadata": meta}, made)
 
     def delete(self, *names: str, cascade: str = "background") -> None:

@@ -35,7 +35,8 @@ def apply(cluster: Cluster, namespace: str, text: str = "", **spec: Any) -> None
 
 
 def config_map(namespace: str, files: dict[str, str]) -> dict[str, Any]:
-    meta = {"name": "mine", "namespace": namespace}
+    labels = {"robovast.io/source": "true"}
+    meta = {"name": "mine", "namespace": namespace, "labels": labels}
     return {"apiVersion": "v1", "kind": "ConfigMap", "metadata": meta, "data": files}
 
 

@@ -16,7 +16,7 @@ from robovast_operator.kube import paths
 from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.few_at_once import few_at_once
-from robovast_operator.kube.lenient import metadata
+from robovast_operator.kube.lenient import mapping, metadata
 from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import Store
 from robovast_operator.memory import Asked, InputsCache
@@ -45,7 +45,9 @@ LOGGER = logging.getLogger(__name__)
 
 TOO_LARGE = "TooLarge"
 """Reason of the rejection of a spec whose expansion exceeded its bounds."""
-UNWATCHED = MISSING | {"SourceNotFound", "SourceChanged"}
+SOURCE_LABEL = "robovast.io/source"
+"""Label of ConfigMaps that Campaigns may read; its value is `true`."""
+UNWATCHED = MISSING | {"SourceNotFound", "SourceNotAllowed", "SourceChanged"}
 """Reasons of rejections that end without an event: they are checked periodically."""
 
 Begun = tuple[Accepted, CampaignPlan]
@@ -162,10 +164,22 @@ class Inputs:
         identity = Identity.of(obj)
         copy = await self._config_map(identity.namespace, identity.files)
         found = copy or await self._config_map(identity.namespace, source.name)
-        return found or Rejected(
-            "SourceNotFound",
-            f"spec.source.configMap: the namespace {identity.namespace} has no ConfigMap "
-            f"`{source.name}`",
+        if found is None:
+            return Rejected(
+                "SourceNotFound",
+                f"spec.source.configMap: the namespace {identity.namespace} has no ConfigMap "
+                f"`{source.name}`",
+            )
+        labels = mapping(metadata(found).get("labels"))
+        if labels.get(SOURCE_LABEL) == "true" or identity.labels.items() <= labels.items():
+            return found
+        name = str(metadata(found).get("name"))
+        return Rejected(
+            "SourceNotAllowed",
+            f"spec.source.configMap: the ConfigMap `{name}` does not have the label "
+            f'{SOURCE_LABEL}: "true", so Campaigns cannot read it. If everyone who can create '
+            f"Campaigns in the namespace {identity.namespace} may read its content, run `kubectl "
+            f"label configmap {name} {SOURCE_LABEL}=true -n {identity.namespace}`.",
         )
 
     async def _config_map(self, namespace: str, name: str) -> Object | None:

@@ -168,6 +168,13 @@ def _accepted(
     if vast.search is not None and spec.select:
         message = "a search has no configurations to select from: leave out spec.select"
         return Rejected("InvalidSpec", message)
+    if spec.reuse and not {"*", identity.namespace} & set(settings.reuse_namespaces):
+        return Rejected(
+            "ReuseNotAllowed",
+            f"spec.reuse: Campaigns of the namespace {identity.namespace} cannot reuse runs. "
+            "Remove spec.reuse (`--reuse`), or ask your cluster administrator to add the namespace "
+            "to the chart value policies.reuseNamespaces",
+        )
     why = _not_reusable(spec, vast, image)
     if why:
         return Rejected("InvalidSpec", f"spec.reuse: {why}")

@@ -70,6 +70,7 @@ def install_chart(cluster: Cluster, chart: Path, given: Mapping[str, str] = EMBE
         "operator.image": images.AGENT,
         "agent.image": images.AGENT,
         "example.image": images.SLIM,
+        "policies.reuseNamespaces": "{*}",
         **given,
     }
     words = [word for name, value in values.items() for word in ("--set", f"{name}={value}")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -112,10 +113,29 @@ def test_runs_are_taken_over_only_where_it_is_known_what_they_are(
 ) -> None:
     obj = campaign(reuse=True, image=image)
     obj["spec"]["vast"]["execution"]["seed"] = seed
-    found = accept(obj, {"scenario.osc": SCENARIO.encode()}, SETTINGS)
+    settings = replace(SETTINGS, reuse_namespaces=("*",))
+    found = accept(obj, {"scenario.osc": SCENARIO.encode()}, settings)
     if told:
         assert isinstance(found, Rejected)
         assert told in found.message
     else:
         assert isinstance(found, Accepted)
         assert found.spec.reuse
+
+
+@pytest.mark.parametrize("allowed", [(), ("other",), ("lab", "other"), ("*",)])
+def test_runs_are_reused_only_in_namespaces_that_an_administrator_allows(
+    allowed: tuple[str, ...],
+) -> None:
+    """Anyone with the keys of the storage can forge runs that others reuse."""
+    obj = campaign(reuse=True, image="runs@sha256:" + "0" * 64)
+    obj["metadata"]["namespace"] = "lab"
+    obj["spec"]["vast"]["execution"]["seed"] = 7
+    settings = replace(SETTINGS, reuse_namespaces=allowed)
+    found = accept(obj, {"scenario.osc": SCENARIO.encode()}, settings)
+    if {"lab", "*"} & set(allowed):
+        assert isinstance(found, Accepted)
+    else:
+        assert isinstance(found, Rejected)
+        assert found.reason == "ReuseNotAllowed"
+        assert "policies.reuseNamespaces" in found.message
