@@ -18,8 +18,10 @@ from robovast.campaign.layout import ASIDE, RUN_RECORD, RUNNING, STAGE
 
 ORIGIN = ".bucket"
 """File in a campaign's folder of the page's mirror that names the campaign's bucket."""
+OMITTED = ".omitted"
+"""File in a campaign's folder of the page's mirror that states why the campaign is not mirrored."""
 
-_OWN = frozenset({STAGE, ORIGIN, RUNNING, ASIDE, MARK})
+_OWN = frozenset({STAGE, ORIGIN, OMITTED, RUNNING, ASIDE, MARK})
 """Folders that commands use internally, and partly remove."""
 _RUN = re.compile(r"(?P<run>[^/_.][^/]*/[0-9]+)/")
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
 
 from robovast.base.errors import InputError
+from robovast.campaign.places import OMITTED
 from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.campaigns import find_campaigns
 from robovast.evaluation.inside import MissingError, resolved
@@ -124,6 +126,7 @@ class Library:
     def _read(self, shelf: _Shelf) -> CampaignSummary:
         with shelf.lock:
             try:
+                self._refuse_omitted(shelf.index.name)
                 if self._may_have_changed(shelf) and _refresh(shelf):
                     shelf.summary = None
             except InputError as error:
@@ -133,6 +136,12 @@ class Library:
             if shelf.summary is None or shelf.index.active is not None:
                 shelf.summary = shelf.index.summary()
             return shelf.summary
+
+    def _refuse_omitted(self, name: str) -> None:
+        """Refuse a campaign that a mirror has no room for; the reason is in its folder."""
+        with suppress(OSError):
+            path = resolved(self.results, name) / OMITTED
+            raise InputError(path.read_text(encoding="utf-8"))
 
     def _may_have_changed(self, shelf: _Shelf) -> bool:
         changed = resolved(self.results, shelf.index.name).stat().st_mtime_ns
