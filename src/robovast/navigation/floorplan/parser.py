@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,11 @@ UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 
 """Factors to metres and radians."""
 
 ANGLES = frozenset({"deg", "rad"})
+
+_NUMBER = re.compile(r"(?<![\w.\-/])([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+_LONGEST = 100
+"""Longest number [characters]."""
+_LARGEST = 1e9
 
 
 class Source:
@@ -35,6 +41,11 @@ class Source:
         self.path = path
         self.problems: list[Problem] = []
         self.text = read_text(path)
+        for number in _NUMBER.finditer(self.text):
+            if len(number[0]) > _LONGEST or float(number[0]) > _LARGEST:
+                place = _place(path, self.text, number.start())
+                message = f"the number {number[0][:20]} is too large"
+                raise DocumentError([Problem(place, "", message, "It may be at most 1e9.")])
         try:
             self.model: Any = _metamodel(grammar).model_from_str(self.text)
         except TextXSyntaxError as error:
@@ -43,8 +54,7 @@ class Source:
 
     def place(self, node: Any) -> Place:
         """Position of a node's beginning."""
-        before = self.text[: node._tx_position]
-        return Place(self.path, before.count("\n") + 1, len(before) - before.rfind("\n"))
+        return _place(self.path, self.text, node._tx_position)
 
     def problem(self, node: Any, message: str, remedy: str = "") -> None:
         """Collect an error about a node; `finish` reports it."""
@@ -58,6 +68,11 @@ class Source:
         """
         if self.problems:
             raise DocumentError(self.problems)
+
+
+def _place(path: Path, text: str, position: int) -> Place:
+    before = text[:position]
+    return Place(path, before.count("\n") + 1, len(before) - before.rfind("\n"))
 
 
 def kind(node: Any) -> str:

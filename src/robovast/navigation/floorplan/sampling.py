@@ -85,7 +85,7 @@ def read_variation(path: Path) -> PlanVariation:
         DocumentError: all its errors, with line and column.
     """
     source = Source(path, "variation.tx")
-    model = Model((path.parent / source.model.file).resolve())
+    model = Model(path.parent / source.model.file)
     model.plan()
     entries = tuple(e for target in source.model.targets for e in _entries(source, model, target))
     source.finish()

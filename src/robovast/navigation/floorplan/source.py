@@ -13,6 +13,8 @@ def read_text(path: Path) -> str:
     Raises:
         InputError: it cannot be read.
     """
+    if "\0" in str(path):
+        raise InputError(f"{str(path)!r} is not a valid path.")
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
