@@ -5,6 +5,7 @@ from __future__ import annotations
 import lzma
 import os
 import stat
+import struct
 import tarfile
 import zipfile
 import zlib
@@ -27,8 +28,9 @@ LEAST_ROOM = 64 << 20
 """Unpacked size that is allowed for any archive [byte]."""
 _LONGEST_TARGET = 4096
 """Longest target of a link in Linux [byte]; creating longer links fails."""
-_LONGEST_HEADER = 1 << 20
-"""Largest metadata of a tar entry [byte]; tarfile reads it into memory at once."""
+_LONGEST_HEADER = 1 << 14
+"""Largest metadata of a tar entry [byte]; some versions of Python take time that grows with the
+square of it."""
 _HEADERS = (
     tarfile.XHDTYPE,
     tarfile.XGLTYPE,
@@ -50,6 +52,9 @@ _DAMAGED = (
     NotImplementedError,  # an unknown compression
     UnicodeError,
     RuntimeError,  # an encrypted zip file
+    ValueError,  # a size or an offset that no file has
+    OverflowError,
+    struct.error,
 )
 
 
@@ -137,7 +142,7 @@ class _Entry(tarfile.TarInfo):
     def frombuf(cls, buf: bytes | bytearray, encoding: Any, errors: str) -> Self:
         """Read a header; see `tarfile.TarInfo`."""
         entry = super().frombuf(buf, encoding, errors)
-        if entry.type in _HEADERS and entry.size > _LONGEST_HEADER:
+        if entry.size < 0 or (entry.type in _HEADERS and entry.size > _LONGEST_HEADER):
             raise tarfile.ReadError(f"a header of {entry.size} bytes")
         return entry
 
@@ -248,6 +253,8 @@ def _read_to_the_end(tar: tarfile.TarFile) -> None:
 
 
 def _tar_member(tar: tarfile.TarFile, item: tarfile.TarInfo) -> Member:
+    if item.size < 0:  # of a pax header
+        raise tarfile.ReadError(f"an entry of {item.size} bytes")
     kinds: dict[Literal["file", "folder", "link"], bool] = {
         "file": item.isreg() or item.islnk(),
         "folder": item.isdir(),
