@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import time
@@ -18,6 +19,8 @@ LOCK = "lock"
 _PATIENCE = 0.5
 """How long a lock may be held by a program that only checks whether it is free [s]."""
 _PAUSE = 0.02
+_CREATE = os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC
+_NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS})
 
 
 @contextmanager
@@ -47,12 +50,37 @@ def is_locked(folder: Path) -> bool:
     except OSError:
         return False
     try:
-        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return True
+        return not lock_file(lock, folder, shared=True)
     finally:
         os.close(lock)
-    return False
+
+
+def lock_file(file: int, folder: Path, *, shared: bool = False, wait: bool = False) -> bool:
+    """Lock an open file; return False if another program has locked it.
+
+    Args:
+        file: its descriptor.
+        folder: the folder that the lock protects.
+        shared: lock it against exclusive locks only.
+        wait: wait until it is free.
+
+    Raises:
+        StorageError: the file system of the folder has no locks.
+    """
+    kind = (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB)
+    try:
+        fcntl.flock(file, kind)
+    except BlockingIOError:
+        return False
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+        raise StorageError(
+            f"{folder}: its file system has no file locks ({error.strerror}), so programs could "
+            "overwrite each other's results. Use a folder on another file system, such as a local "
+            "disk, or mount it with locks (NFS: the option `local_lock=flock`)."
+        ) from None
+    return True
 
 
 @contextmanager
@@ -63,25 +91,17 @@ def _locked(folder: Path, refusal: str) -> Iterator[None]:
         with suppress(FileExistsError):
             folder.mkdir()
         try:
-            file = (folder / LOCK).open("w")
+            file = os.fdopen(os.open(folder / LOCK, _CREATE, 0o666), "w")
         except FileNotFoundError:  # removed after it was created
             continue
         with file:
-            if _lock(file):
+            if lock_file(file.fileno(), folder):
                 if _is_still(file, folder / LOCK):
                     yield
                     return
             elif time.monotonic() > until:
                 raise StorageError(refusal)
         time.sleep(_PAUSE)
-
-
-def _lock(file: IO[str]) -> bool:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 def _is_still(file: IO[str], path: Path) -> bool:

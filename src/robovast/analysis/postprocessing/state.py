@@ -7,7 +7,6 @@ a crash may lose claims but never leaves false ones.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator
@@ -16,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from robovast.base.errors import StorageError
+from robovast.base.locks import lock_file
 
 FOLDER = ".cache"
 FILE = "postprocessing.db"
@@ -91,20 +91,15 @@ def opened(campaign: Path) -> Iterator[State]:
     try:
         folder.mkdir(exist_ok=True)
         with (folder / "lock").open("w") as lock:
-            _lock(lock.fileno(), campaign)
+            if not lock_file(lock.fileno(), folder):
+                raise StorageError(
+                    f"{campaign}: another `vast results postprocess` is processing it; wait for "
+                    "its end."
+                )
             with contextlib.closing(_connect(folder / FILE)) as connection:
                 yield State(connection)
     except (OSError, sqlite3.Error) as error:
         raise StorageError(f"{campaign}: postprocessing cannot write: {error}.") from error
-
-
-def _lock(descriptor: int, campaign: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise StorageError(
-            f"{campaign}: another `vast results postprocess` is processing it; wait for its end."
-        ) from None
 
 
 def _connect(path: Path) -> sqlite3.Connection:

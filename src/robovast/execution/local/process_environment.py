@@ -6,7 +6,6 @@ once from hashed requirements in the user's cache folder.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import shutil
@@ -17,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from robovast.base.errors import CannotRunError
+from robovast.base.locks import lock_file
 from robovast.common.execution import COMPAT_VERSION
 
 REQUIREMENTS = Path(__file__).with_name("process_requirements.txt")
@@ -120,7 +120,7 @@ def usual_name() -> str:
 def _locked(folder: Path) -> Iterator[None]:
     folder.parent.mkdir(parents=True, exist_ok=True)
     with folder.with_suffix(".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        lock_file(lock.fileno(), folder.parent, wait=True)
         yield
 
 
