@@ -9,12 +9,13 @@ from pathlib import Path
 
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import SHARE
+from robovast.base.trusted_files import find_above
 
 DOTENV = ".env"
 
 
 def environment(folder: Path | None = None) -> Mapping[str, str]:
-    """The environment, completed by the nearest `.env` file at or above a folder.
+    """The environment, completed by a `.env` file at or above a folder.
 
     Args:
         folder: where to start the search; by default the working directory.
@@ -39,8 +40,7 @@ def dotenv_loaded(folder: Path | None = None) -> Iterator[None]:
 
 
 def _dotenv(folder: Path) -> dict[str, str]:
-    folder = folder.absolute()
-    path = next((p / DOTENV for p in (folder, *folder.parents) if (p / DOTENV).is_file()), None)
+    path = find_above(folder, DOTENV)
     if path is None:
         return {}
     with SHARE.needed_by(f"Reading {path}"):

@@ -12,6 +12,7 @@ from robovast.base.atomic import write_atomically
 from robovast.base.errors import DocumentError, InputError
 from robovast.base.file_errors import writing
 from robovast.base.serialization import dump_yaml
+from robovast.base.trusted_files import find_above
 from robovast.model.document.problems import nearest, problems_of
 from robovast.model.document.section import Section
 from robovast.model.document.source import Source
@@ -58,11 +59,8 @@ def find_project(folder: Path) -> Project | None:
         InputError: the project file cannot be read.
         DocumentError: all problems of the project file.
     """
-    folder = folder.absolute()
-    for root in (folder, *folder.parents):
-        if (root / PROJECT_FILE).is_file():
-            return _read(root)
-    return None
+    path = find_above(folder, PROJECT_FILE)
+    return _read(path.parent) if path is not None else None
 
 
 def create_project(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import subprocess
 import sys
 import tarfile
@@ -196,12 +197,15 @@ def make_share(folder: Path, sizes: dict[str, int]) -> None:
         (folder / "shared" / f"{name}.tar.gz").write_bytes(bytes(size))
 
 
-def test_a_share_is_listed_and_emptied(vast, results: Path, tmp_path: Path) -> None:
+def test_a_share_is_listed_and_emptied(
+    vast, results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     make_share(tmp_path, {NAME: 2048, "far-away": 10, "far-off": 20})
     outcome = vast("results", "list-share")
     assert outcome.code == 2
     assert "there is no share: set ROBOVAST_SHARE_TYPE" in outcome.err
-    (tmp_path / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\nMY_TOKEN=secret-77\n")
+    monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "share.py:Share")
+    (tmp_path / ".env").write_text("MY_TOKEN=secret-77\n")
     outcome = vast("results", "list-share")
     assert outcome.out.splitlines() == [
         "CAMPAIGN                   SIZE     HERE",
@@ -236,10 +240,11 @@ def test_what_is_removed_from_a_share_is_asked_before(
     folder: Path, answer: str, code: int, left: int
 ) -> None:
     make_share(folder, {"a": 10})
-    (folder / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\nMY_TOKEN=x\n")
+    (folder / ".env").write_text("MY_TOKEN=x\n")
+    environment = {**os.environ, "ROBOVAST_SHARE_TYPE": "share.py:Share"}
     done = subprocess.run(
         [sys.executable, "-m", "robovast_cli", "results", "remove-from-share", "-i", "a"],
-        cwd=folder, input=answer, capture_output=True, text=True, check=False,
+        cwd=folder, env=environment, input=answer, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert (done.returncode, len(list((folder / "shared").iterdir()))) == (code, left), done
 
@@ -267,7 +272,7 @@ def test_a_described_share_is_where_results_come_from(
     assert outcome.code == 3
     assert "A share is not set either: ROBOVAST_SHARE_TYPE" in outcome.err
     assert vast("results", "download", "--from", "share").code == 2
-    (folder / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\n")
+    monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "share.py:Share")
     outcome = vast("results", "download", "-o", "home", "--keep-archive")
     assert (outcome.code, outcome.out) == (0, "home/far-away: fetched from the share.\n")
     assert {path.name for path in (folder / "home").iterdir()} == {"far-away", "far-away.tar.gz"}

@@ -15,7 +15,7 @@ from robovast.base.atomic import put_in_place
 from robovast.base.environment import dotenv_loaded
 from robovast.base.errors import InputError, RobovastError, StorageError
 from robovast.base.file_errors import writing
-from robovast.base.plugins import load_plugin, plugins_of, raised
+from robovast.base.plugins import load_plugin, plugins_of, raised, split_file_reference
 from robovast.campaign.importing import campaign_of_archive, import_archive
 from robovast.storage.shares.base import BaseShareProvider, check_variables
 
@@ -156,8 +156,14 @@ def open_share(folder: Path | None = None) -> Iterator[Share]:
     Raises:
         InputError: no share is configured, or variables are missing.
     """
+    chosen = os.environ.get(SHARE_TYPE)
     with dotenv_loaded(folder):
         kind = os.environ.get(SHARE_TYPE)
+        if kind and not chosen and split_file_reference(kind):
+            raise InputError(
+                f"{SHARE_TYPE}={kind}: a `.env` file cannot name a file with code. Set the "
+                f"variable in the environment: `export {SHARE_TYPE}={kind}`."
+            )
         if not kind:
             raise InputError(
                 f"there is no share: set {SHARE_TYPE} to one of "

@@ -64,9 +64,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_guides_provider_loads_unchanged(project: Path) -> None:
+def test_the_guides_provider_loads_unchanged(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOVAST_SHARE_TYPE", f"{project}/p.py:MyShareProvider")
     (project / ".env").write_text(
-        f"# comment\nexport ROBOVAST_SHARE_TYPE={project}/p.py:MyShareProvider\n"
+        f"# comment\nexport ROBOVAST_OTHER=x\n"
         f"ROBOVAST_SHARE_URL='{project}/'\nMY_SHARE_TOKEN=\"a b\"\n"
     )
     (project / "x.tar.gz").write_bytes(b"0123456789")
