@@ -122,7 +122,7 @@ def test_a_budget_ends_it_and_more_goes_on(tmp_path: Path) -> None:
     steps = folder / "_transient/configurations.yaml"
     text = steps.read_text()
     for old, new, why in (
-        ("name: hall-2-m1\n", "name: ../../hall\n", "has been edited"),
+        ("name: hall-2-m1\n", "name: ../../hall\n", "is damaged"),
         ("level: 3\n", "level: 9\n", "has been edited"),
         ("configs:", "configs: []\nothers:", "has no configuration `hall-2`"),
         ("name: hall-2-m1\n", "label: x\n", "is damaged"),
