@@ -10,10 +10,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from robovast.base.bounds import Bound
 from robovast.base.errors import InputError
 from robovast.campaign.layout import EXECUTION_RECORD
 from robovast.campaign.planned_runs import MORE_RUNS, RUNS
-from robovast.evaluation.bounds import Bound
 from robovast.evaluation.files import list_files
 from robovast.evaluation.inside import open_inside, read_small, resolved
 from robovast.evaluation.untrusted import LONGEST, mapping, parse_yaml, read_yaml

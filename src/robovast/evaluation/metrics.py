@@ -7,13 +7,14 @@ CSV name with the columns `config` and `run`. The file is read-only and not trus
 from __future__ import annotations
 
 import sqlite3
+from contextlib import AbstractContextManager
 from math import isfinite
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.base.sqlite_files import opened
 from robovast.campaign.layout import SQLITE_TABLES
-from robovast.evaluation.database import opened
-from robovast.evaluation.inside import MissingError
+from robovast.evaluation.inside import MissingError, resolved
 
 AGGREGATES = {"mean": "avg", "least": "min", "most": "max", "sum": "sum"}
 """Aggregate functions, and their names in SQLite."""
@@ -32,7 +33,7 @@ def metric_columns(results: Path, campaign: str) -> dict[str, list[str]]:
         InputError: the tables cannot be read.
     """
     try:
-        with opened(results, _file(campaign)) as connection:
+        with _opened(results, campaign) as connection:
             tables = _tables(connection)
             return {table: _numeric(connection, table, tables[table]) for table in tables}
     except MissingError:
@@ -45,7 +46,7 @@ def constant_columns(results: Path, campaign: str) -> dict[str, list[str]]:
     None of them if that takes too long to find out.
     """
     try:
-        with opened(results, _file(campaign)) as connection:
+        with _opened(results, campaign) as connection:
             tables = _tables(connection)
             found = {
                 table: _constant(connection, table, _numeric(connection, table, tables[table]))
@@ -73,7 +74,7 @@ def metric(
     """
     if aggregate not in AGGREGATES:
         raise InputError(f"{aggregate!r} is none of {', '.join(AGGREGATES)}.")
-    with opened(results, _file(campaign)) as connection:
+    with _opened(results, campaign) as connection:
         if column not in _tables(connection).get(table, ()):
             raise MissingError(f"There is no column {column} in a table {table}.")
         name = _quoted(column)
@@ -84,8 +85,9 @@ def metric(
         return {f"{v}/{run}": n for v, run, n in rows if n is not None and isfinite(n)}
 
 
-def _file(campaign: str) -> str:
-    return f"{campaign}/{SQLITE_TABLES}"
+def _opened(results: Path, campaign: str) -> AbstractContextManager[sqlite3.Connection]:
+    relative = f"{campaign}/{SQLITE_TABLES}"
+    return opened(resolved(results, relative), relative)
 
 
 def _tables(connection: sqlite3.Connection) -> dict[str, list[str]]:

@@ -281,7 +281,7 @@ def test_a_bag_that_ends_anywhere_is_played_as_far_as_it_goes(
                 opened(folder)
             continue
         drive = opened(folder)
-        assert "it has no end: its recorder was stopped while writing" in remarks_of(drive)
+        assert "has no end: its recorder was stopped while writing" in remarks_of(drive)
         assert sum(len(part.times) for part in parts_of(drive)) <= 300
 
 
@@ -379,7 +379,7 @@ def spoil_nothing(_: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda f: (f / "bag.mcap").write_bytes(b"text"), "is no MCAP file"),
+        (lambda f: (f / "bag.mcap").write_bytes(b"text"), "is not an MCAP file"),
         (lambda f: (f / "bag.db3").write_bytes(b"text" * 100), "cannot be read"),
         (lambda f: (f / "bag.mcap.zstd").write_bytes(b"x"), "zstd -d bag.mcap.zstd"),
         (spoil_nothing, "holds no message"),
@@ -399,7 +399,7 @@ def test_zeros_after_the_messages_are_said(tmp_path: Path) -> None:
     (path,) = folder.glob("*.mcap")
     os.truncate(path, path.stat().st_size // 2)
     os.truncate(path, 300 << 30)
-    assert "it is damaged at byte" in remarks_of(opened(folder))
+    assert "is damaged at byte" in remarks_of(opened(folder))
 
 
 def test_records_without_end_are_read_no_further(tmp_path: Path) -> None:
@@ -408,7 +408,8 @@ def test_records_without_end_are_read_no_further(tmp_path: Path) -> None:
     (path,) = folder.glob("*.mcap")
     magic, content = path.read_bytes()[:8], path.read_bytes()[8:]
     path.write_bytes(magic + empty * 250_000 + content)
-    assert "too many records" in remarks_of(opened(folder))
+    with pytest.raises(InputError, match="too many records"):
+        opened(folder)
 
 
 @pytest.mark.parametrize("number", ["abc", None, b"x"])

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from robovast.analysis.tables.sqlite_tables import update_sqlite
+from robovast.base import sqlite_files
 from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
-from robovast.evaluation import database
 from robovast.evaluation.metrics import constant_columns, metric, metric_columns
 
 
@@ -111,8 +111,8 @@ def test_views_are_no_tables(results: Path) -> None:
 def test_a_question_that_takes_too_long_ends(
     results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(database, "TIME_LIMIT", 0)
-    monkeypatch.setattr(database, "_STEPS", 10)
+    monkeypatch.setattr(sqlite_files, "TIME_LIMIT", 0)
+    monkeypatch.setattr(sqlite_files, "_STEPS", 10)
     with pytest.raises(InputError, match="interrupted"):
         metric(results, "hall", "poses", "x", "mean")
 

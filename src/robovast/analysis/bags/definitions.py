@@ -77,7 +77,7 @@ def types_of(definition: Definition, folder: Path | None, distribution: str) -> 
     try:
         own = _own_types(definition, folder)
     except (TypesysError, ValueError, KeyError, IndexError, OSError) as error:
-        cause = " ".join(str(error).split())[:_LONGEST_CAUSE]
+        cause = " ".join(str(error).encode(errors="replace").decode().split())[:_LONGEST_CAUSE]
         raise DefinitionError(f"the definition of {definition.type} is wrong: {cause}") from error
     if not _missing(definition.type, own):
         return own

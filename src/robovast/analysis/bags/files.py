@@ -1,63 +1,85 @@
-"""Reads all messages of a bag from its files in order, compressed or not."""
+"""Reads all messages of a bag from its files in order of time, compressed or not."""
 
 from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from shutil import copyfileobj
 from tempfile import TemporaryDirectory
-from typing import Any
 
-import zstandard
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from robovast.analysis.bags.mcap_file import read_mcap
-from robovast.analysis.bags.source import Consumer, Subscribe, Topic, Warn
-from robovast.analysis.bags.sqlite_file import read_sqlite
+from robovast.analysis.bags import zstd
+from robovast.analysis.bags.mcap_file import McapFile
+from robovast.analysis.bags.order import in_order
+from robovast.analysis.bags.source import BagFile, Consumer, Subscribe, Types, Warn
+from robovast.analysis.bags.sqlite_file import SqliteFile
+from robovast.base.bounds import patient
 from robovast.base.safe_paths import is_file, open_file, read_text
 from robovast.base.yaml_files import parse_yaml
 
-_KINDS = (".mcap", ".db3")
-_ZSTD = ".zstd"
+PLAIN = (".mcap", ".db3")
+COMPRESSED = tuple(f"{kind}{ending}" for kind in PLAIN for ending in (".zstd", ".zst"))
 
 
-@dataclass(frozen=True)
-class BagInfo:
+class _Topic(BaseModel):
+    name: str
+    type: str = ""
+
+
+class _Counted(BaseModel):
+    topic_metadata: _Topic
+
+
+class BagInfo(BaseModel):
     """Content of a bag's `metadata.yaml`; recorders that were killed leave none."""
 
-    files: tuple[str, ...] = ()
-    distribution: str = ""
+    model_config = ConfigDict(frozen=True)
+
+    files: tuple[str, ...] = Field(default=(), alias="relative_file_paths")
+    distribution: str = Field(default="", alias="ros_distro")
     """ROS distribution, such as `jazzy`."""
-    compressed_messages: bool = False
-    topics: dict[str, str] = field(default_factory=dict)
-    """Type of each topic."""
+    counted: tuple[_Counted, ...] = Field(default=(), alias="topics_with_message_count")
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Type of each topic."""
+        return {topic.topic_metadata.name: topic.topic_metadata.type for topic in self.counted}
+
+
+class _Metadata(BaseModel):
+    rosbag2_bagfile_information: BagInfo
 
 
 def read_info(folder: Path, warn: Warn) -> BagInfo:
     """Read the metadata of a bag, if there are any."""
     try:
-        text = read_text(folder / "metadata.yaml")
-        return _info(parse_yaml(text)["rosbag2_bagfile_information"])
+        data = parse_yaml(read_text(folder / "metadata.yaml"))
+        return _Metadata.model_validate(_without_nulls(data)).rosbag2_bagfile_information
     except FileNotFoundError:
         warn(f"{folder.name} has no metadata.yaml: its recorder was stopped while writing")
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        warn(f"{folder.name}/metadata.yaml cannot be read: {error!r}")
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        warn(f"{folder.name}/metadata.yaml cannot be read: {place}: {first['msg']}")
+    except (OSError, ValueError, RecursionError) as error:
+        cause = " ".join(str(error).split())
+        warn(f"{folder.name}/metadata.yaml cannot be read: {cause}")
     return BagInfo()
 
 
-def _info(data: dict[str, Any]) -> BagInfo:
-    topics = (topic["topic_metadata"] for topic in data.get("topics_with_message_count") or [])
-    return BagInfo(
-        files=tuple(data.get("relative_file_paths") or ()),
-        distribution=str(data.get("ros_distro") or ""),
-        compressed_messages=str(data.get("compression_mode") or "").upper() == "MESSAGE",
-        topics={topic["name"]: topic["type"] for topic in topics},
-    )
+def _without_nulls(data: object) -> object:
+    """Metadata without keys that have no value."""
+    if not isinstance(data, dict):
+        return data
+    return {key: _without_nulls(value) for key, value in data.items() if value is not None}
 
 
 def read_bag(folder: Path, info: BagInfo, subscribe: Subscribe, warn: Warn) -> None:
-    """Pass every message of a bag to its topic's consumer, in recording order.
+    """Pass every message of a bag to its topic's consumer, in order of time.
 
     Args:
         folder: the bag.
@@ -65,70 +87,63 @@ def read_bag(folder: Path, info: BagInfo, subscribe: Subscribe, warn: Warn) -> N
         subscribe: called at least once for every topic of the files.
         warn: receives warnings about missing and unreadable data.
     """
-    if info.compressed_messages:
-        subscribe = _decompressing(subscribe, warn)
-    files = _files(folder)
-    for missing in {Path(name).name for name in info.files} - {file.name for file in files}:
+    paths = _files(folder)
+    found = {_plain_name(path.name) for path in paths}
+    for missing in {_plain_name(Path(name).name) for name in info.files} - found:
         warn(f"{folder.name}/{missing} is missing")
-    if not files:
+    if not paths:
         warn(f"{folder.name} has no .mcap or .db3 file")
-    for file in files:
-        read_file(file, subscribe, warn)
+    read_files(paths, info.topics, subscribe, warn)
 
 
 def _files(folder: Path) -> list[Path]:
     """Files with messages, in recording order."""
-    names = (name for name in os.listdir(folder) if name.removesuffix(_ZSTD).endswith(_KINDS))
+    names = (name for name in os.listdir(folder) if name.endswith((*PLAIN, *COMPRESSED)))
     plain: dict[str, Path] = {}
     for name in sorted(names):  # plain files come before their compressed copies
         if is_file(folder / name, folder):
-            plain.setdefault(name.removesuffix(_ZSTD), folder / name)
+            plain.setdefault(_plain_name(name), folder / name)
     return sorted(plain.values(), key=lambda path: _natural(path.name))
+
+
+def _plain_name(name: str) -> str:
+    return name.removesuffix(".zstd").removesuffix(".zst")
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
     return [(int(part or 0), text) for text, part in re.findall(r"(\D*)(\d*)", name)]
 
 
-def read_file(path: Path, subscribe: Subscribe, warn: Warn) -> None:
-    """Pass every message of one file of a bag to its topic's consumer; see `read_bag`."""
+def read_files(paths: Sequence[Path], types: Types, subscribe: Subscribe, warn: Warn) -> None:
+    """Pass every message of some files of a bag to its topic's consumer; see `read_bag`."""
+    with ExitStack() as stack:
+        files = []
+        for path in paths:
+            if path.name.endswith(COMPRESSED):
+                folder = Path(stack.enter_context(TemporaryDirectory()))
+                path = _decompressed(path, folder, warn)
+            files.append(_opened(path, types))
+        consumers: list[dict[int, Consumer]] = []
+        for file in files:
+            found = {number: subscribe(topic) for number, topic in file.topics.items()}
+            consumers.append({number: consumer for number, consumer in found.items() if consumer})
+        for time, number, channel, data in in_order(files, consumers):
+            consumers[number][channel](time, data)
+        for fault in dict.fromkeys(fault for file in files for fault in file.faults):
+            warn(fault)
+
+
+def _opened(path: Path, types: Types) -> BagFile:
     if path.name.endswith(".mcap"):
-        with open_file(path) as file:
-            read_mcap(file, path.name, subscribe, warn)
-    elif path.name.endswith(".db3"):
-        read_sqlite(path, subscribe, warn)
-    else:
-        _read_compressed(path, subscribe, warn)
+        return McapFile(partial(open_file, path), path.name, types, patient())
+    return SqliteFile(path, types, patient())
 
 
-def _read_compressed(path: Path, subscribe: Subscribe, warn: Warn) -> None:
-    with TemporaryDirectory() as folder:
-        plain = Path(folder) / path.name.removesuffix(_ZSTD)
-        with open_file(path) as source, plain.open("wb") as target:
-            try:
-                copyfileobj(zstandard.ZstdDecompressor().stream_reader(source), target)
-            except zstandard.ZstdError as error:
-                warn(f"{path.name} is damaged: {error}")
-        read_file(plain, subscribe, warn)
-
-
-def _decompressing(subscribe: Subscribe, warn: Warn) -> Subscribe:
-    """Subscribe to individually compressed messages."""
-
-    def wrapped(topic: Topic) -> Consumer | None:
-        consumer = subscribe(topic)
-        return consumer and _decompress_for(consumer, topic.name, warn)
-
-    return wrapped
-
-
-def _decompress_for(consumer: Consumer, name: str, warn: Warn) -> Consumer:
-    def consume(time: int, data: bytes) -> None:
+def _decompressed(path: Path, folder: Path, warn: Warn) -> Path:
+    plain = folder / _plain_name(path.name)
+    with open_file(path) as source:
         try:
-            plain = zstandard.ZstdDecompressor().decompressobj().decompress(data)
-        except zstandard.ZstdError as error:
-            warn(f"a message on {name} cannot be decompressed: {error}")
-        else:
-            consumer(time, plain)
-
-    return consume
+            zstd.decompress_file(source, plain)
+        except ValueError as error:
+            warn(f"{path.name} {error}")
+    return plain

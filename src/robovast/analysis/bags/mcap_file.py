@@ -1,7 +1,7 @@
-"""Reads the messages of an MCAP file, even a damaged one.
+"""Reads MCAP files, even damaged ones; the only reader of this format.
 
-Records are read sequentially, because a crash leaves no index at the end. A truncated chunk is
-decoded as far as possible; a chunk with a wrong checksum is left out.
+Heads of all records are scanned first, so an index at the end is not needed: a file whose recorder
+was killed has none. Damage costs the damaged record: reading continues at the next record.
 
 The records are those of the package `mcap`; its readers take 3.8 s for 200,000 small messages,
 which take 0.5 s here, and `rosbags` reads nothing of a file that is cut off.
@@ -9,187 +9,340 @@ which take 0.5 s here, and `rosbags` reads nothing of a file that is cut off.
 
 from __future__ import annotations
 
+import os
+import re
 import struct
 import zlib
-from collections.abc import Callable
-from io import BytesIO
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from struct import Struct
-from typing import IO
+from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, Schema
 
 from robovast.analysis.bags.definitions import Definition
-from robovast.analysis.bags.source import Consumer, Subscribe, Topic, Warn
+from robovast.analysis.bags.source import NEVER, TOGETHER, Block, Faults, Read, Topic, Types
+from robovast.analysis.bags.zstd import decompressed
+from robovast.base.bounds import LARGEST, Bound
 
 MAGIC = b"\x89MCAP0\r\n"
-_RECORD = Struct("<BQ").unpack_from
-_MESSAGE = Struct("<BQHIQ").unpack_from
-"""Opcode and length of the record, channel, sequence number, time of receipt [ns]."""
-_RECORD_SIZE = 9
-_MESSAGE_SIZE = 31
-_LARGEST = 1 << 30
-"""Largest record [bytes], since records are held in memory."""
-_END = (Opcode.DATA_END, Opcode.FOOTER)
-_KNOWN = frozenset(Opcode)
-_UNREADABLE = (
-    struct.error,
-    McapError,
-    ValueError,
-    IndexError,
-    KeyError,
-    RuntimeError,  # raised by lz4
-    zstandard.ZstdError,
-)
+_RECORD = Struct("<BQ")
+"""Opcode, length."""
+_MESSAGE = Struct("<HIQ")
+"""Channel, sequence number, time of receipt [ns]."""
+_MESSAGE_SIZE = 22
+_HEAD = Struct("<BQHIQ")
+"""Opcode and length of a message, and the beginning of its content."""
+_CHUNK_HEAD = Struct("<BQQQ")
+"""Opcode and length of a chunk, first and last time [ns]."""
+_CHUNK = Struct("<QQQII")
+"""First and last time [ns], size and checksum of the content, length of the compression's name."""
+_INDEX = Struct("<HI")
+"""Channel, length of the entries."""
+_ENTRY = Struct("<QQ")
+"""Time [ns], offset in the chunk."""
+_LENGTH, _LONG_LENGTH = Struct("<I"), Struct("<Q")
+_LEAST = {Opcode.MESSAGE: _MESSAGE_SIZE, Opcode.CHUNK: 40, Opcode.SCHEMA: 14, Opcode.CHANNEL: 12}
+"""Shortest records [bytes]."""
+_NO_END = "has no end: its recorder was stopped while writing"
+_PRIVATE = 0x10
+"""First opcode that the format does not define."""
+_MOST_BLOCKS = 200_000
+_FARTHEST = LARGEST + (1 << 20)
+"""How far the next record is searched for behind a damaged one [bytes]."""
+_WINDOW = 1 << 20
+_LIKELY = re.compile(rb"[\x01-\x0f](?=.{4}\0{4})", re.DOTALL)
+"""Where a record of less than 4 GiB may begin."""
+_ReadAt = Callable[[int, int], bytes]
+"""Reads so many bytes at a place."""
+_WRONG = (struct.error, ValueError, IndexError, RuntimeError, zstandard.ZstdError)
 
 
-def read_mcap(file: IO[bytes], name: str, subscribe: Subscribe, warn: Warn) -> None:
-    """Pass every message of a file to its topic's consumer.
+class McapFile:
+    """Where the messages of a file are, by time and channel."""
 
-    Args:
-        file: the file, open for reading.
-        name: name in warnings.
-        subscribe: called once for every channel.
-        warn: receives warnings about unreadable data.
-    """
-    magic = file.read(len(MAGIC))
-    if magic != MAGIC:
-        warn(f"{name} is not an MCAP file" if magic else f"{name} is empty (0 bytes)")
-        return
-    _McapFile(file, name, subscribe, warn).read()
+    def __init__(
+        self, open_file: Callable[[], BinaryIO], name: str, types: Types, bound: Bound
+    ) -> None:
+        """Scan a file.
 
-
-class _McapFile:
-    def __init__(self, file: IO[bytes], name: str, subscribe: Subscribe, warn: Warn) -> None:
-        self.file = file
+        Args:
+            open_file: opens the file; called again for each block.
+            name: name in faults.
+            types: types of topics that the file does not describe.
+            bound: what the scan may cost.
+        """
+        self.topics: dict[int, Topic] = {}
+        self.blocks: list[Block] = []
+        self.faults = Faults()
+        self.complete = True
+        self.is_indexed = False
+        """True if the file ends with an index."""
         self.name = name
-        self.subscribe = subscribe
-        self.warn = warn
-        self.schemas: dict[int, Schema] = {}
-        self.consumers: dict[int, Consumer | None] = {}
-        self.handlers: dict[int, Callable[[bytes], None]] = {
-            Opcode.SCHEMA: lambda content: self.add_schema(Schema.read(_stream(content))),
-            Opcode.CHANNEL: lambda content: self.add_channel(Channel.read(_stream(content))),
-            Opcode.CHUNK: self.chunk,
-        }
+        self._open, self._types, self._bound = open_file, types, bound
+        self._schemas: dict[int, Definition] = {}
+        self._channels: dict[int, tuple[int, str, str]] = {}
+        with open_file() as file:
+            magic = file.read(len(MAGIC))
+            if magic != MAGIC:
+                self._fault("is not an MCAP file" if magic else "is empty (0 bytes)")
+                return
+            self._scan(file, os.fstat(file.fileno()).st_size)
+            self._complete(file)
+        for number, (schema, topic, encoding) in self._channels.items():
+            definition = self._schemas.get(schema) or Definition(types.get(topic, "unknown"))
+            self.topics[number] = Topic(topic, definition, encoding)
 
-    def read(self) -> None:
-        """Read all records up to the end of the data."""
-        chunks = self.summary() if self.file.seekable() else []
+    def messages(self, block: Block, channels: Collection[int]) -> list[Read]:
+        """Messages of some channels in a block, as far as it can be read."""
+        with self._open() as file:
+            return self._messages(self._content(file, block), channels, block)
+
+    def times(self, block: Block) -> list[tuple[int, int]]:
+        """Channel and time [ns] of the messages in a block; its index is enough."""
+        with self._open() as file:
+            if not block.index:
+                content = self._content(file, block)
+                return [(c, time) for time, c, _ in self._messages(content, self.topics, block)]
+            most = min(block.index - block.until, LARGEST)
+            index = os.pread(file.fileno(), most, block.until)
+        found = []
+        for opcode, begin, end in self._records(index, block):
+            if opcode == Opcode.MESSAGE_INDEX and end - begin >= _INDEX.size:
+                channel, _ = _INDEX.unpack_from(index, begin)
+                begin += _INDEX.size
+                whole = index[begin : begin + (end - begin) // _ENTRY.size * _ENTRY.size]
+                found += [(channel, time) for time, _ in _ENTRY.iter_unpack(whole)]
+        return found
+
+    def _scan(self, file: BinaryIO, size: int) -> None:
+        place = len(MAGIC)
         while True:
-            start = self.file.tell()
-            head = self.file.read(_RECORD_SIZE)
-            if len(head) < _RECORD_SIZE:
-                self.warn(f"{self.name} has no end: its recorder was stopped while writing")
+            file.seek(place)
+            head = file.read(_CHUNK_HEAD.size)
+            if len(head) < _RECORD.size:
+                self._fault(_NO_END)
+                self._doubt_index()
                 return
-            opcode, length = _RECORD(head)
-            if opcode in _END:
+            opcode, length = _RECORD.unpack_from(head)
+            after = place + _RECORD.size + length
+            if opcode == Opcode.FOOTER:
                 return
-            if opcode not in _KNOWN or length > _LARGEST:
-                following = min((chunk for chunk in chunks if chunk > start), default=None)
-                self.lost(start, following)
+            if self._bound.reached() or len(self.blocks) > _MOST_BLOCKS:
+                self._fault(f"has too many records; those after byte {place} are left out")
+                self.complete = False
+                return
+            if not opcode or after > size:
+                self._doubt_index()
+                read = partial(os.pread, file.fileno())
+                is_cut = opcode == Opcode.CHUNK and _end_of_chunk(read, place) == after
+                following = None if is_cut else _next(read, place + 1, size, self._bound)
+                if following is None and 0 < opcode < _PRIVATE:
+                    self._fault(_NO_END)
+                    self._add(file, opcode, head, place, size)
+                    return
+                self._fault(
+                    f"is damaged at byte {place}; it cannot be read from there to "
+                    f"{'its end' if following is None else f'byte {following}'}"
+                )
                 if following is None:
                     return
-                self.file.seek(following)
+                after = following
+            else:
+                self._add(file, opcode, head, place, after)
+            place = after
+
+    def _add(self, file: BinaryIO, opcode: int, head: bytes, place: int, after: int) -> None:
+        if opcode == Opcode.MESSAGE and len(head) >= _HEAD.size:
+            _, _, channel, _, time = _HEAD.unpack_from(head)
+            last = self.blocks[-1] if self.blocks else None
+            if last is None or last.chunk or last.until != place or last.size > TOGETHER:
+                last = Block(place, after, 0)
+                self.blocks.append(last)
+            last.until, last.size = after, after - last.place
+            last.add(channel, time)
+        elif opcode == Opcode.CHUNK and len(head) == _CHUNK_HEAD.size:
+            _, _, start, end = _CHUNK_HEAD.unpack(head)
+            self.blocks.append(Block(place, after, after - place, start, end, chunk=True))
+        elif opcode == Opcode.MESSAGE_INDEX and len(head) >= _RECORD.size + _INDEX.size:
+            if self.blocks and place in (self.blocks[-1].until, self.blocks[-1].index):
+                self.blocks[-1].index = after
+                channel, length = _INDEX.unpack_from(head, _RECORD.size)
+                if length:
+                    self.blocks[-1].channels.add(channel)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and after - place <= LARGEST:
+            begin = place + _RECORD.size
+            self._define(opcode, os.pread(file.fileno(), after - begin, begin))
+        elif opcode == Opcode.CHUNK_INDEX:
+            self.is_indexed = True
+
+    def _complete(self, file: BinaryIO) -> None:
+        """Find what only the content of chunks tells: channels, and times that are wrong."""
+        for block in self.blocks:
+            known = block.channels and block.channels <= self._channels.keys()
+            if not block.chunk or (known and 0 < block.start <= block.end):
                 continue
-            content = self.file.read(length)
-            self.record(opcode, head, content, start)
-            if len(content) < length:
-                self.warn(f"{self.name} is cut off at byte {start + len(head) + len(content)}")
+            if self._bound.late():
+                self._fault("has too many chunks without an index; some channels may be missing")
+                self.complete = False
                 return
+            content = self._content(file, block)
+            block.start, block.end = NEVER, 0
+            for opcode, begin, end in self._records(content, block):
+                if opcode == Opcode.MESSAGE and end - begin >= _MESSAGE_SIZE:
+                    channel, _, time = _MESSAGE.unpack_from(content, begin)
+                    block.add(channel, time)
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    self._define(opcode, content[begin:end])
 
-    def lost(self, start: int, following: int | None) -> None:
-        """Warn that a part of the file cannot be read."""
-        end = "its end" if following is None else f"byte {following}"
-        self.warn(f"{self.name} is damaged: from byte {start} to {end} it cannot be read")
+    def _doubt_index(self) -> None:
+        """Ignore the index of the last chunk, which may not be whole."""
+        if self.blocks and self.blocks[-1].chunk:
+            self.blocks[-1].index = 0
+            self.blocks[-1].channels.clear()
 
-    def summary(self) -> list[int]:
-        """Add the channels repeated in the summary; return the start offsets of the chunks."""
-        position = self.file.tell()
-        self.file.seek(0)
+    def _define(self, opcode: int, record: bytes) -> None:
+        """Add a schema or a channel; the first one of a number counts."""
         try:
-            summary = make_reader(self.file).get_summary()
-        except (*_UNREADABLE, OSError, OverflowError, MemoryError):
-            return []
-        finally:
-            self.file.seek(position)
-        if summary is None:
-            return []
-        for schema in summary.schemas.values():
-            self.add_schema(schema)
-        for channel in summary.channels.values():
-            self.add_channel(channel)
-        return [chunk.chunk_start_offset for chunk in summary.chunk_indexes]
+            if opcode == Opcode.SCHEMA:
+                (number,) = struct.unpack_from("<H", record)
+                kind, place = _prefixed(record, 2)
+                encoding, place = _prefixed(record, place)
+                text, _ = _prefixed(record, place)
+                self._schemas.setdefault(number, Definition(kind, encoding, text))
+            else:
+                number, schema = struct.unpack_from("<HH", record)
+                topic, place = _prefixed(record, 4)
+                encoding, _ = _prefixed(record, place)
+                self._channels.setdefault(number, (schema, topic, encoding))
+        except _WRONG as error:
+            self._fault(f"has a channel that is left out: {error}")
 
-    def record(self, opcode: int, head: bytes, content: bytes, start: int) -> None:
-        """Process a record, which may be truncated."""
-        if opcode == Opcode.MESSAGE:
-            self.messages(head + content)
-        elif opcode in self.handlers:
-            try:
-                self.handlers[opcode](content)
-            except _UNREADABLE as error:
-                self.warn(f"{self.name}: the record at byte {start} is left out: {error}")
+    def _content(self, file: BinaryIO, block: Block) -> bytes:
+        """The records of a block; nothing if it cannot be read."""
+        try:
+            if block.size > LARGEST + _RECORD.size:
+                raise ValueError(f"it is larger than {LARGEST} bytes")
+            data = os.pread(file.fileno(), block.size, block.place)
+            return _unpacked(data) if block.chunk else data
+        except _WRONG as error:
+            self._fault(f"is damaged: the part at byte {block.place} is left out: {error}")
+            return b""
 
-    def add_schema(self, schema: Schema) -> None:
-        """Store a schema for channels that refer to it."""
-        self.schemas[schema.id] = schema
+    def _messages(self, content: bytes, channels: Collection[int], block: Block) -> list[Read]:
+        found: list[Read] = []
+        for opcode, begin, end in self._records(content, block):
+            if opcode == Opcode.MESSAGE and end - begin >= _MESSAGE_SIZE:
+                channel, _, time = _MESSAGE.unpack_from(content, begin)
+                if channel in channels:
+                    found.append((time, channel, content[begin + _MESSAGE_SIZE : end]))
+        return found
 
-    def add_channel(self, channel: Channel) -> None:
-        """Find the consumer of a channel's messages."""
-        if channel.id in self.consumers:
-            return
-        schema = self.schemas.get(channel.schema_id)
-        definition = (
-            Definition(schema.name, schema.encoding, schema.data.decode())
-            if schema
-            else Definition("unknown")
-        )
-        topic = Topic(channel.topic, definition, channel.message_encoding)
-        self.consumers[channel.id] = self.subscribe(topic)
+    def _records(self, content: bytes, block: Block) -> Iterator[tuple[int, int, int]]:
+        """Opcode, begin and end of each record in a block."""
+        place, size, unpack = 0, len(content), _RECORD.unpack_from
+        while place + _RECORD.size <= size:
+            opcode, length = unpack(content, place)
+            begin = place + _RECORD.size
+            place = begin + length
+            if not opcode or place > size:
+                self._fault(f"is damaged: a record in the part at byte {block.place} is left out")
+                start = begin - _RECORD.size + 1
+                following = _next(lambda n, at: content[at : at + n], start, size, self._bound)
+                if following is None:
+                    return
+                place = following
+                continue
+            yield opcode, begin, place
 
-    def chunk(self, content: bytes) -> None:
-        """Process the messages of a chunk, as far as a truncated chunk goes."""
-        chunk = Chunk.read(_stream(content))
-        data = _decompress(chunk)
-        whole = len(data) == chunk.uncompressed_size
-        if whole and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-            raise ValueError("its checksum is wrong")
-        self.messages(data)
-
-    def messages(self, data: bytes) -> None:
-        """Process the messages in a sequence of records."""
-        offset, end = 0, len(data)
-        consumers = self.consumers
-        while offset + _RECORD_SIZE <= end:
-            opcode, length = _RECORD(data, offset)
-            after = offset + _RECORD_SIZE + length
-            if after > end:
-                return
-            if opcode == Opcode.MESSAGE:
-                _, _, channel, _, time = _MESSAGE(data, offset)
-                consumer = consumers.get(channel)
-                if consumer:
-                    consumer(time, data[offset + _MESSAGE_SIZE : after])
-            elif opcode in self.handlers:
-                self.handlers[opcode](data[offset + _RECORD_SIZE : after])
-            offset = after
+    def _fault(self, text: str) -> None:
+        self.faults.add(f"{self.name} {text}")
 
 
-def _stream(content: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(content))
+def _prefixed(record: bytes, place: int) -> tuple[str, int]:
+    """Text after its length, and where it ends; bytes that are not UTF-8 become surrogates."""
+    (length,) = _LENGTH.unpack_from(record, place)
+    end = place + _LENGTH.size + length
+    if end > len(record):
+        raise ValueError("it is cut off")
+    return record[place + _LENGTH.size : end].decode("utf-8", "surrogateescape"), end
 
 
-def _decompress(chunk: Chunk) -> bytes:
-    if chunk.compression == "zstd":
-        return zstandard.ZstdDecompressor().decompressobj().decompress(chunk.data)
-    if chunk.compression == "lz4":
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data))
-    if chunk.compression:
-        raise ValueError(f"its compression {chunk.compression} is unknown")
-    return chunk.data
+def _next(read: _ReadAt, place: int, size: int, bound: Bound) -> int | None:
+    """Where the next record begins; None if none is found.
+
+    Args:
+        read: reads the file or the block.
+        place: where the search begins.
+        size: where it ends, at the latest.
+        bound: what it may cost.
+    """
+    for window in range(place, min(size, place + _FARTHEST), _WINDOW):
+        for match in _LIKELY.finditer(read(_WINDOW + _RECORD.size - 1, window)):
+            if bound.reached():
+                return None
+            begin = window + match.start()
+            after = _end_of(read, begin, size)
+            if after and (after == size or _end_of(read, after, size)):
+                return begin
+    return None
+
+
+def _end_of(read: _ReadAt, place: int, size: int) -> int:
+    """The byte after a known record; 0 if there is none."""
+    head = read(_RECORD.size, place)
+    if len(head) < _RECORD.size:
+        return 0
+    opcode, length = _RECORD.unpack(head)
+    after = place + _RECORD.size + int(length)
+    return (
+        after if 0 < opcode < _PRIVATE and length >= _LEAST.get(opcode, 0) and after <= size else 0
+    )
+
+
+def _end_of_chunk(read: _ReadAt, place: int) -> int:
+    """The byte after a chunk, by the lengths of its parts; 0 if it is shorter than they are."""
+    head = read(_RECORD.size + _CHUNK.size, place)
+    if len(head) < _RECORD.size + _CHUNK.size:
+        return 0
+    place += len(head) + int(_CHUNK.unpack_from(head, _RECORD.size)[4])
+    stored = read(_LONG_LENGTH.size, place)
+    whole = len(stored) == _LONG_LENGTH.size
+    return place + len(stored) + int(_LONG_LENGTH.unpack(stored)[0]) if whole else 0
+
+
+def _unpacked(record: bytes) -> bytes:
+    """The content of a chunk, as far as a chunk that was cut off goes.
+
+    Raises:
+        ValueError: it is too large or damaged, or its compression is unknown (also others of
+            `_WRONG`).
+    """
+    _, _, whole, checksum, length = _CHUNK.unpack_from(record, _RECORD.size)
+    begin = _RECORD.size + _CHUNK.size
+    compression = record[begin : begin + length].decode()
+    (stored,) = _LONG_LENGTH.unpack_from(record, begin + length)
+    begin += length + _LONG_LENGTH.size
+    if whole > LARGEST:
+        raise ValueError(f"it is larger than {LARGEST} bytes")
+    if compression not in _DECOMPRESS:
+        raise ValueError(f"its compression {compression} is unknown")
+    content = _DECOMPRESS[compression](record[begin : begin + stored], whole)
+    if len(content) > whole:
+        raise ValueError("it is larger than it says")
+    if checksum and len(content) == whole and zlib.crc32(content) != checksum:
+        raise ValueError("its checksum is wrong")
+    return content
+
+
+def _lz4(data: bytes, most: int) -> bytes:
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, most + 1))
+
+
+_DECOMPRESS: dict[str, Callable[[bytes, int], bytes]] = {
+    "": lambda data, _: data,
+    "zstd": decompressed,
+    "lz4": _lz4,
+}

@@ -1,9 +1,10 @@
-"""Types shared by all readers of bag files."""
+"""Types shared by the readers of all formats and by those who use them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
 
 from robovast.analysis.bags.definitions import Definition
 
@@ -11,6 +12,15 @@ Consumer = Callable[[int, bytes], None]
 """Receives a message: time of receipt [ns], and its bytes in the bag."""
 
 Warn = Callable[[str], None]
+
+Read = tuple[int, int, bytes]
+"""A message: time of receipt [ns], number of its channel, content."""
+
+TOGETHER = 1 << 20
+"""Size of a block of messages that the file does not group itself [bytes]."""
+NEVER = 1 << 63
+"""Start of a block without messages [ns]."""
+_MOST_FAULTS = 20
 
 
 @dataclass(frozen=True)
@@ -30,3 +40,59 @@ class Topic:
 
 Subscribe = Callable[[Topic], Consumer | None]
 """Returns the consumer of a topic's messages, or None."""
+
+Types = Mapping[str, str]
+"""Type of each topic, by the metadata of the bag."""
+
+
+@dataclass(slots=True)
+class Block:
+    """A part of a file that holds messages and is read at once."""
+
+    place: int
+    """Where it begins: a byte, or the row before it."""
+    until: int
+    """Where it ends: the byte after it, or its last row."""
+    size: int
+    """[bytes]"""
+    start: int = NEVER
+    """Time of its first message [ns]"""
+    end: int = 0
+    """Time of its last message [ns]"""
+    channels: set[int] = field(default_factory=set)
+    """Channels of its messages."""
+    chunk: bool = False
+    """True if the file groups the messages."""
+    index: int = 0
+    """Byte after the file's index of the block; 0 without one."""
+
+    def add(self, channel: int, time: int) -> None:
+        """Note a message."""
+        self.start, self.end = min(self.start, time), max(self.end, time)
+        self.channels.add(channel)
+
+
+class Faults(list[str]):
+    """What cannot be read of a file, without duplicates; at most 20 sentences."""
+
+    def add(self, text: str) -> None:
+        """Note a fault."""
+        if text not in self and len(self) < _MOST_FAULTS:
+            self.append(text)
+
+
+class BagFile(Protocol):
+    """A file of a bag: where its messages are; they are read when they are needed."""
+
+    topics: dict[int, Topic]
+    """By number of the channel."""
+    blocks: list[Block]
+    faults: Faults
+    complete: bool
+    """False if the file has more than may be scanned."""
+
+    def messages(self, block: Block, channels: Collection[int]) -> list[Read]:
+        """Messages of some channels in a block, in recording order."""
+
+    def times(self, block: Block) -> list[tuple[int, int]]:
+        """Channel and time [ns] of the messages in a block."""

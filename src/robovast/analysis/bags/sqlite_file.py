@@ -1,87 +1,159 @@
-"""Reads the messages of a bag's SQLite file, even a damaged one.
+"""Reads a bag's SQLite files, even damaged ones; the only reader of this format.
 
 `rosbags` refuses a file that is cut off: of one cut at 60 %, all 30,425 messages are read here.
 """
 
 from __future__ import annotations
 
+import json
 import sqlite3
-from contextlib import closing
+from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 from robovast.analysis.bags.definitions import Definition
-from robovast.analysis.bags.source import Consumer, Subscribe, Topic, Warn
+from robovast.analysis.bags.source import TOGETHER, Block, Faults, Read, Topic, Types
+from robovast.base.bounds import LARGEST, Bound
+from robovast.base.errors import InputError
+from robovast.base.sqlite_files import opened, require_tables, tables_of
+
+_MOST_ROWS = 4096
+"""Rows of a block."""
+_LAST = (1 << 63) - 1
+_DAMAGE = {sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_TOOBIG}
+_MOST_LOSSES = 10_000
+"""Rows or pages that may be damaged before the rest is left out."""
+_PATIENCE = 64
+"""Rows that are skipped one by one before the steps become longer."""
 
 
-def read_sqlite(path: Path, subscribe: Subscribe, warn: Warn) -> None:
-    """Pass every message of a file to its topic's consumer.
+class SqliteFile:
+    """Where the messages of a file are, by time and topic."""
 
-    Args:
-        path: the file.
-        subscribe: called once for every topic.
-        warn: receives warnings about unreadable data.
-    """
-    if path.stat().st_size == 0:
-        warn(f"{path.name} is empty (0 bytes)")
-        return
-    count = 0
+    def __init__(self, path: Path, types: Types, bound: Bound) -> None:
+        """Scan a file.
+
+        Args:
+            path: the file.
+            types: types of topics that the file does not describe.
+            bound: what the scan may cost.
+        """
+        self.topics: dict[int, Topic] = {}
+        self.blocks: list[Block] = []
+        self.faults = Faults()
+        self.complete = True
+        self._path = path
+        if path.stat().st_size == 0:
+            self.faults.add(f"{path.name} is empty (0 bytes)")
+            return
+        try:
+            with opened(path, seconds=bound.seconds_left) as database:
+                require_tables(database, path.name, "messages", "topics")
+                self.topics = dict(_topics(database, types))
+                self._scan(database, bound)
+        except InputError as error:
+            self.faults.add(str(error))
+
+    def messages(self, block: Block, channels: Collection[int]) -> list[Read]:
+        """Messages of some topics in a block, in recording order."""
+        wanted = [json.dumps(sorted(channels))]
+        where = "AND topic_id IN (SELECT value FROM json_each(?))"
+        found: list[Read] = []
+        try:
+            with opened(self._path) as database:
+                columns = "timestamp, topic_id, data"
+                for _, *row in self._rows(database, columns, block, where, wanted):
+                    if [type(cell) for cell in row] == [int, int, bytes]:
+                        found.append((row[0], row[1], row[2]))
+        except InputError as error:
+            self.faults.add(str(error))
+        return found
+
+    def times(self, block: Block) -> list[tuple[int, int]]:
+        """Topic and time [ns] of the messages in a block."""
+        with opened(self._path) as database:
+            rows = self._rows(database, "topic_id, timestamp", block)
+            return [(topic, time) for _, topic, time in rows if type(topic) is type(time) is int]
+
+    def _scan(self, database: sqlite3.Connection, bound: Bound) -> None:
+        odd, rows = 0, 0
+        block = None
+        columns = "topic_id, timestamp, typeof(data), length(data)"
+        for row, topic, time, kind, size in self._rows(database, columns, Block(-_LAST, _LAST, 0)):
+            if bound.reached():
+                self.faults.add(f"{self._path.name} has too many rows; the last ones are left out")
+                self.complete = False
+                break
+            if (type(topic), type(time), kind) != (int, int, "blob") or size > LARGEST:
+                odd += 1
+                continue
+            if block is None or rows == _MOST_ROWS or block.size > TOGETHER:
+                block, rows = Block(row - 1, row, 0), 0
+                self.blocks.append(block)
+            block.until, block.size, rows = row, block.size + size, rows + 1
+            block.add(topic, time)
+        if odd:
+            self.faults.add(f"{self._path.name}: {odd} rows are left out: they are no messages")
+
+    def _rows(
+        self,
+        database: sqlite3.Connection,
+        columns: str,
+        block: Block,
+        where: str = "",
+        wanted: Collection[str] = (),
+    ) -> Iterator[tuple[Any, ...]]:
+        """Number and columns of the rows of a block, without those that are damaged."""
+        after, tries, losses = block.place, 0, 0
+        query = (
+            f"SELECT rowid, {columns} FROM messages "  # noqa: S608  # constants
+            f"WHERE rowid > ? AND rowid <= ? {where} ORDER BY rowid"
+        )
+        while after < block.until and losses < _MOST_LOSSES:
+            try:
+                for row in database.execute(query, (after, block.until, *wanted)):
+                    if row[0] > after:  # a damaged file may have rows in any order
+                        after, tries = row[0], 0
+                        yield row
+                    elif (losses := losses + 1) > _MOST_LOSSES:
+                        return
+            except sqlite3.DatabaseError as error:
+                if (error.sqlite_errorcode & 0xFF) not in _DAMAGE:
+                    raise
+                self.faults.add(f"{self._path.name} is damaged: some rows are left out: {error}")
+            else:
+                return
+            step = after + (1 << tries // _PATIENCE)
+            after = max(_following(database, after) or step, step)
+            tries, losses = tries + 1, losses + 1
+
+
+def _following(database: sqlite3.Connection, row: int) -> int | None:
+    """The next row, even if its columns are damaged; None if it cannot be found."""
     try:
-        with closing(_open(path)) as database:
-            consumers = _consumers(database, subscribe)
-            for topic, time, data in database.execute(_query(consumers)):
-                consumer = consumers[topic]
-                if consumer:
-                    consumer(time, bytes(data))
-                count += 1
+        found = database.execute("SELECT min(rowid) FROM messages WHERE rowid > ?", [row])
+        return found.fetchone()[0]  # type: ignore[no-any-return]
     except sqlite3.DatabaseError as error:
-        warn(f"{path.name} is damaged: {count} messages could be read, then: {error}")
+        if error.sqlite_errorcode == sqlite3.SQLITE_INTERRUPT:
+            raise
+        return None
 
 
-def _open(path: Path) -> sqlite3.Connection:
-    """Open the database, including the write-ahead log of a recorder that was killed.
-
-    Raises:
-        sqlite3.DatabaseError: it cannot be read.
-    """
-    try:
-        return _connect(path, "mode=ro")
-    except sqlite3.OperationalError:  # on read-only file systems the log cannot be used
-        return _connect(path, "immutable=1")
-
-
-def _connect(path: Path, options: str) -> sqlite3.Connection:
-    database = sqlite3.connect(f"{path.absolute().as_uri()}?{options}", uri=True)
-    try:
-        # Otherwise SQLite refuses a truncated file as a whole.
-        database.execute("PRAGMA writable_schema = ON")
-        database.execute("SELECT count(*) FROM sqlite_master")
-    except sqlite3.DatabaseError:
-        database.close()
-        raise
-    return database
-
-
-def _consumers(database: sqlite3.Connection, subscribe: Subscribe) -> dict[int, Consumer | None]:
-    definitions = read_definitions(database)
+def _topics(database: sqlite3.Connection, types: Types) -> Iterator[tuple[int, Topic]]:
+    definitions = _definitions(database)
     rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
-    return {
-        number: subscribe(Topic(name, definitions.get(kind, Definition(kind)), serialization))
-        for number, name, kind, serialization in rows.fetchall()
-    }
+    for number, name, type_, serialization in rows:
+        if type(number) is int:
+            kind = str(type_ or types.get(str(name), "unknown"))
+            definition = definitions.get(kind) or Definition(kind)
+            yield number, Topic(str(name), definition, str(serialization))
 
 
-def read_definitions(database: sqlite3.Connection) -> dict[str, Definition]:
+def _definitions(database: sqlite3.Connection) -> dict[str, Definition]:
     """Definitions by type; bags before ROS 2 Iron have none."""
-    tables = database.execute("SELECT name FROM sqlite_master WHERE name = 'message_definitions'")
-    if tables.fetchone() is None:
+    if "message_definitions" not in tables_of(database):
         return {}
     rows = database.execute(
         "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
     )
-    return {kind: Definition(kind, encoding, text) for kind, encoding, text in rows}
-
-
-def _query(consumers: dict[int, Consumer | None]) -> str:
-    # No ORDER BY: sorting would fail on a damaged file.
-    wanted = ",".join(str(number) for number, consumer in consumers.items() if consumer)
-    return f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({wanted})"  # noqa: S608
+    return {str(kind): Definition(str(kind), str(how), str(text)) for kind, how, text in rows}

@@ -22,7 +22,7 @@ from robovast.model.document.execution import Output
 ALL_TABLES = (Output(pattern="*.csv"),)
 """What is compared when nobody says what."""
 
-_BAGS = (".mcap", ".mcap.zstd", ".db3", ".db3.zstd")
+_BAGS = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".db3.zst")
 """Endings of files that have topics."""
 _BLOCK = 1 << 20
 _LONGEST = 60
@@ -201,7 +201,7 @@ def _first_message(before: Path, now: Path, topic: str) -> str | None:
 def _messages(path: Path, topic: str) -> list[bytes]:
     """Digests of the messages on a topic, in order."""
     with ROS.needed_by("Comparing the messages of bags"):
-        from robovast.analysis.bags.files import read_file
+        from robovast.analysis.bags.files import read_files
         from robovast.analysis.bags.source import Consumer, Topic
     found: list[bytes] = []
 
@@ -211,5 +211,5 @@ def _messages(path: Path, topic: str) -> list[bytes]:
     def keep(_: int, message: bytes) -> None:
         found.append(blake2b(message, digest_size=16).digest())
 
-    read_file(path, subscribe, lambda _: None)
+    read_files([path], {}, subscribe, lambda _: None)
     return found

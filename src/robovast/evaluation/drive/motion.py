@@ -14,8 +14,9 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from robovast.analysis.bags.definitions import DefinitionError, typestore_of
+from robovast.analysis.bags.source import Topic
 from robovast.analysis.bags.transforms import Poses, Transforms, TransformTree, euler
-from robovast.evaluation.drive.recording import Message, Topic
+from robovast.evaluation.drive.recording import Message
 from robovast.evaluation.drive.roles import ESTIMATE, FIXED, ODOMETRY
 
 UNDECODABLE = (

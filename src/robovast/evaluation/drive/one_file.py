@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from robovast.analysis.bags.mcap_file import McapFile
 from robovast.evaluation.drive.recording import Recording
-from robovast.evaluation.inside import open_inside, resolved
+from robovast.evaluation.inside import resolved
 
 
 def one_file(results: Path, bag: str, folder: Path) -> tuple[Path, list[str]]:
@@ -24,23 +23,11 @@ def one_file(results: Path, bag: str, folder: Path) -> tuple[Path, list[str]]:
         InputError: nothing in the bag can be read.
     """
     recording = Recording(results, bag)
-    files = [path for path in resolved(results, bag).iterdir() if ".mcap" in path.suffixes]
-    if (
-        len(files) == 1
-        and not recording.all_faults()
-        and _is_whole(results, f"{bag}/{files[0].name}")
-    ):
-        return files[0], []
+    faults = recording.all_faults()
+    match recording.files:
+        case [McapFile(is_indexed=True) as file] if not faults:
+            return resolved(results, f"{bag}/{file.name}"), []
     return _copy(recording, folder / "recording.mcap"), recording.all_faults()
-
-
-def _is_whole(results: Path, relative: str) -> bool:
-    with open_inside(results, relative) as file:
-        try:
-            summary = make_reader(file).get_summary()
-        except McapError:
-            return False
-    return summary is not None and bool(summary.chunk_indexes)
 
 
 def _copy(recording: Recording, path: Path) -> Path:
@@ -50,7 +37,8 @@ def _copy(recording: Recording, path: Path) -> Path:
         channels = {}
         for name, topic in recording.topics.items():
             defined = topic.definition
-            schema = writer.register_schema(defined.type, defined.encoding, defined.text.encode())
+            text = defined.text.encode("utf-8", "surrogateescape")
+            schema = writer.register_schema(defined.type, defined.encoding, text)
             channels[name] = writer.register_channel(name, topic.serialization, schema)
         for message in recording.read(channels, recording.start, recording.end + 1):
             writer.add_message(channels[message.topic], message.time, message.data, message.time)

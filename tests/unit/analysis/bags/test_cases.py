@@ -31,6 +31,11 @@ def metres(first: int, last: int) -> list[str]:
 @pytest.mark.parametrize(
     ("case", "file", "count", "columns"),
     [
+        ("b01-proto-last", X, 20, {}),
+        ("b01-proto-nochunk", X, 20, {}),
+        ("b03-private-between", X, 20, {"timestamp": counted(1, 20)}),
+        ("b06-order-split", X, 10, {"timestamp": counted(1, 10)}),
+        ("b16-message-zstd-no-metadata", X, 10, {"timestamp": counted(1, 10)}),
         ("b05-wstring", "rosbag2_name.csv", 20, {"label": ["Zürich"] * 20}),
         (
             "b07-simreset-moved",

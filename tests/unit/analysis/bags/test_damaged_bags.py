@@ -125,7 +125,7 @@ def test_after_a_damaged_length_reading_goes_on_at_the_next_chunk(tmp_path: Path
     read = numbers(file.parent)
     assert read[0] == 0
     assert read[-1] == COUNT - 1
-    assert COUNT * 0.8 < len(read) < COUNT
+    assert COUNT * 0.8 < len(read) <= COUNT
     assert any("is damaged" in warning for warning in done.warnings)
 
 
@@ -185,13 +185,13 @@ def test_metadata_that_is_nonsense_is_stated(tmp_path: Path, text: str) -> None:
     assert [warning.split(" cannot")[0] for warning in done.warnings] == ["rosbag2/metadata.yaml"]
 
 
-def test_files_are_read_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+def test_messages_are_in_order_of_time_and_of_the_numbers_of_files(tmp_path: Path) -> None:
     for number in (10, 9, 2):
         file = tmp_path / "rosbag2" / f"rosbag2_{number}.mcap"
         record_chunks(file, CompressionType.NONE)
     file.write_bytes(b"")
     done = convert(tmp_path / "rosbag2")
-    assert numbers(tmp_path / "rosbag2") == [*range(COUNT), *range(COUNT)]
+    assert numbers(tmp_path / "rosbag2") == [n for n in range(COUNT) for _ in range(2)]
     assert "rosbag2_2.mcap is empty (0 bytes)" in done.warnings
 
 

@@ -1,16 +1,19 @@
-"""Bounds what reading one untrusted bag may cost."""
+"""Bounds what reading one untrusted file may cost."""
 
 from __future__ import annotations
 
 import time
 
+LARGEST = 64 << 20
+"""Largest piece of a file, decompressed or not, that is held in memory [bytes]."""
 SECONDS = 10.0
-"""Longest scan of a file."""
+"""Longest scan of a file for an answer that somebody waits for."""
+PATIENT = 600.0
+"""Longest scan of a file in a batch [s]."""
 MOST_RECORDS = 5_000_000
+"""Records of a file that are scanned for an answer that somebody waits for."""
 _EVERY = 256
 """Records between looks at the clock."""
-_KNOWN = range(1, 16)
-_PRIVATE = 0x80
 
 
 class Bound:
@@ -29,7 +32,12 @@ class Bound:
         """Whether the time is over."""
         return time.monotonic() > self._end
 
+    @property
+    def seconds_left(self) -> float:
+        """Until the time is over [s]."""
+        return self._end - time.monotonic()
 
-def is_record(opcode: int) -> bool:
-    """Whether a record of MCAP may begin with an opcode; zeros and other garbage do not."""
-    return opcode in _KNOWN or opcode >= _PRIVATE
+
+def patient() -> Bound:
+    """The bound of batches, which have large files and nobody who waits."""
+    return Bound(PATIENT, 1 << 40)

@@ -1,0 +1,89 @@
+"""Merges the messages of a bag's files by time."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Collection, Iterator, Sequence
+from math import inf
+from operator import itemgetter
+
+import zstandard
+
+from robovast.analysis.bags import zstd
+from robovast.analysis.bags.source import BagFile
+from robovast.base.bounds import LARGEST
+
+_MOST_HELD = 4 * LARGEST
+"""Messages that are held until those of overlapping blocks are read [bytes]."""
+_OVERHEAD = 200
+"""What a held message takes in addition to its content, about [bytes]."""
+
+Ordered = tuple[int, int, int, bytes]
+"""A message: time of receipt [ns], number of its file, number of its channel, content."""
+
+
+def in_order(
+    files: Sequence[BagFile],
+    channels: Sequence[Collection[int]],
+    start: float = -inf,
+    end: float = inf,
+) -> Iterator[Ordered]:
+    """The messages of some channels of files, in order of time.
+
+    Messages that were compressed one by one are decompressed. What cannot be read is added to the
+    faults of its file.
+
+    Args:
+        files: the files; of messages of the same time, those of the first file come first.
+        channels: numbers of the channels of each file.
+        start: time of the first message [ns].
+        end: time before which messages end [ns].
+    """
+    blocks = [
+        (block.start, number, block)
+        for number, file in enumerate(files)
+        for block in file.blocks
+        if block.start < end and block.end >= start and channels[number]
+    ]
+    blocks.sort(key=itemgetter(0))
+    horizons = [*(block[0] for block in blocks[1:]), inf]
+    held: list[tuple[int, int, Ordered]] = []
+    size = count = 0
+    for (_, number, block), horizon in zip(blocks, horizons, strict=False):
+        found = files[number].messages(block, channels[number])
+        found.sort(key=itemgetter(0))
+        for time, channel, data in found:
+            if not start <= time < end:
+                continue
+            message = (time, number, channel, data)
+            if time > horizon:
+                heapq.heappush(held, (time, count, message))
+                size, count = size + len(data) + _OVERHEAD, count + 1
+                continue
+            while held and held[0][0] <= time:
+                earlier = heapq.heappop(held)[2]
+                size -= len(earlier[3]) + _OVERHEAD
+                yield from _plain(files, earlier)
+            if data[:4] == zstd.MAGIC:
+                yield from _plain(files, message)
+            else:
+                yield message
+        while held and (held[0][0] <= horizon or size > _MOST_HELD):
+            if held[0][0] > horizon:
+                files[number].faults.add("Too many messages overlap: some are not in order of time")
+            earlier = heapq.heappop(held)[2]
+            size -= len(earlier[3]) + _OVERHEAD
+            yield from _plain(files, earlier)
+
+
+def _plain(files: Sequence[BagFile], message: Ordered) -> Iterator[Ordered]:
+    """A message, decompressed if it is compressed; nothing if it is damaged."""
+    time, number, channel, data = message
+    if data[:4] != zstd.MAGIC:
+        yield message
+        return
+    try:
+        yield time, number, channel, zstd.decompressed(data, LARGEST)
+    except (zstandard.ZstdError, ValueError) as error:
+        topic = files[number].topics[channel].name
+        files[number].faults.add(f"a message on {topic} cannot be decompressed: {error}")
