@@ -47,7 +47,7 @@ def in_order(
     ]
     blocks.sort(key=itemgetter(0))
     horizons = [*(block[0] for block in blocks[1:]), inf]
-    held: list[tuple[int, int, Ordered]] = []
+    held: list[tuple[int, int, int, int, Ordered]] = []
     size = count = 0
     for (_, number, block), horizon in zip(blocks, horizons, strict=False):
         found = files[number].messages(block, channels[number])
@@ -56,22 +56,22 @@ def in_order(
             if not start <= time < end:
                 continue
             message = (time, number, channel, data)
-            if time > horizon:
-                heapq.heappush(held, (time, count, message))
+            if time >= horizon:
+                heapq.heappush(held, (time, number, block.place, count, message))
                 size, count = size + len(data) + _OVERHEAD, count + 1
                 continue
-            while held and held[0][0] <= time:
-                earlier = heapq.heappop(held)[2]
+            while held and held[0][:3] < (time, number, block.place):
+                earlier = heapq.heappop(held)[-1]
                 size -= len(earlier[3]) + _OVERHEAD
                 yield from _plain(files, earlier)
             if data[:4] == zstd.MAGIC:
                 yield from _plain(files, message)
             else:
                 yield message
-        while held and (held[0][0] <= horizon or size > _MOST_HELD):
+        while held and (held[0][0] < horizon or size > _MOST_HELD):
             if held[0][0] > horizon:
                 files[number].faults.add("Too many messages overlap: some are not in order of time")
-            earlier = heapq.heappop(held)[2]
+            earlier = heapq.heappop(held)[-1]
             size -= len(earlier[3]) + _OVERHEAD
             yield from _plain(files, earlier)
 

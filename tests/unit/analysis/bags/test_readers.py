@@ -220,7 +220,7 @@ def test_only_tables_hold_messages(tmp_path: Path, script: str) -> None:
 def test_a_value_that_a_table_computes_is_bounded(tmp_path: Path) -> None:
     script = """
     CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp,
-        data AS (zeroblob(1500000000)));
+        data AS (zeroblob(900000000)));
     INSERT INTO messages (topic_id, timestamp) VALUES (1, 1), (1, 2);
     """
     write_db(tmp_path / "bag" / "0.db3", [], script)
