@@ -123,7 +123,7 @@ def test_any_bag_is_served_as_a_whole_mcap_file(results: Path) -> None:
     for run in ("hall-1/0", "hall-1/1", "hall-2/0"):
         with viewed(results / NAME / run, "--foxglove") as (page, said):
             messages.append(count(page.ask(urlsplit(page.address).path).body))
-            assert ("Incomplete: rosbag2.mcap: it has no end" in said[0]) == (run == "hall-2/0")
+            assert ("Incomplete: rosbag2.mcap has no end" in said[0]) == (run == "hall-2/0")
     whole, of_sqlite, cut = messages
     assert whole == of_sqlite > cut > 0
 
@@ -187,7 +187,7 @@ def test_a_closed_terminal_leaves_no_files_and_no_viewer(
     ("run", "options", "code", "said"),
     [
         ("hall-1/0", ["--rerun", "--foxglove"], 2, "name one of them"),
-        ("hall-2/1", ["--foxglove"], 2, "rosbag2.mcap is no MCAP file"),
+        ("hall-2/1", ["--foxglove"], 2, "rosbag2.mcap is not an MCAP file"),
         ("hall-1", ["--foxglove"], 2, "is the folder of no run"),
         *([] if INSTALLED else [("hall-1/0", ["--rerun"], 3, "pip install 'robovast[rerun]'")]),
     ],

@@ -59,7 +59,7 @@ class Recording:
         blocks = [block for file in self.files for block in file.blocks if block.channels]
         if not blocks:
             reasons = ". ".join(self.all_faults())
-            raise InputError(f"{relative} holds no message. {reasons}".strip())
+            raise InputError(f"{relative} holds no message. {reasons}.".removesuffix(" ."))
         self.start = min(block.start for block in blocks)
         self.end = max(block.end for block in blocks)
         self.topics: dict[str, Topic] = {}
