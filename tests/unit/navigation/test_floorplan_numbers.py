@@ -41,3 +41,11 @@ def test_names_that_no_file_can_have(tmp_path: Path, name: str) -> None:
     path.write_text(f'import "{name}"\n')
     with pytest.raises(InputError):
         read_variation(path)
+
+
+def test_a_variation_imports_a_model_of_another_folder(tmp_path: Path) -> None:
+    (tmp_path / "drawn").mkdir()
+    (tmp_path / "flat.fpm").write_text(PLAN.format("3.0"))
+    (tmp_path / "drawn/flat.variation").write_text('import "../flat.fpm"\n')
+    found = read_variation(tmp_path / "drawn/flat.variation")
+    assert found.model.path == tmp_path / "flat.fpm"

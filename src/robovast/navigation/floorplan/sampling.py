@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,7 +86,7 @@ def read_variation(path: Path) -> PlanVariation:
         DocumentError: all its errors, with line and column.
     """
     source = Source(path, "variation.tx")
-    model = Model(path.parent / source.model.file)
+    model = Model(Path(os.path.abspath(path.parent / source.model.file)))  # any name
     model.plan()
     entries = tuple(e for target in source.model.targets for e in _entries(source, model, target))
     source.finish()
