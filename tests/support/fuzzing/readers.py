@@ -163,8 +163,8 @@ def _postprocess(folder: Path, _: Random) -> None:
     run_command("results", "postprocess", "-r", str(folder))
 
 
-def run_command(*words: str) -> None:
-    """Run `vast` in this process.
+def run_command(*words: str) -> tuple[int, str]:
+    """Run `vast` in this process; returns its exit code and what it printed on stderr.
 
     Raises:
         FaultError: the command reported a bug.
@@ -179,6 +179,7 @@ def run_command(*words: str) -> None:
             code = end.code
     if code not in (0, 1, 2, 3, 4, 5, 6):
         raise FaultError(f"vast {' '.join(words)}: exit code {code}: {said.getvalue()[-3000:]}")
+    return int(code), said.getvalue()
 
 
 _PAGES = (

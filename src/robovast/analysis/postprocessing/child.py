@@ -11,6 +11,7 @@ from __future__ import annotations
 import inspect
 import json
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -62,7 +63,21 @@ def _reply(request: Mapping[str, Any], guard: Guard) -> Any:
         return is_per_run(request)
     if request["ask"] == "bags":
         return [outcome.plain() for outcome in convert_bags(request["calls"])]
-    return call(request, guard).plain()
+    return _with_remedy(call(request, guard), request["folder"]).plain()
+
+
+def _with_remedy(outcome: Outcome, folder: str) -> Outcome:
+    """Add a remedy to a failure that names a missing file next to the campaign's .vast file."""
+    named = re.findall(rf"{re.escape(folder)}/([^\s'\":,;()]+)", outcome.message)
+    missing = [name for name in named if not Path(folder, name).exists()]
+    if outcome.success or not missing:
+        return outcome
+    remedy = (
+        f"{outcome.message}. Add `{missing[0]}` to `execution.run_files`, so that each campaign "
+        "keeps the file. For campaigns that lack it, name the .vast file that has it next to it: "
+        "`vast results postprocess --override FILE`."
+    )
+    return replace(outcome, message=remedy)
 
 
 def is_per_run(request: Mapping[str, Any]) -> bool:
