@@ -19,6 +19,7 @@ from robovast.base.atomic import appearing_folder
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml, fingerprint
 from robovast.base.yaml_files import read_mapping
+from robovast.campaign.configurations import read_configurations
 from robovast.campaign.imported import is_imported, mark_imported
 from robovast.campaign.layout import (
     JOB_LINK,
@@ -284,7 +285,10 @@ def _write_records(
 
 def _configurations(campaigns: Sequence[Layout], merged: dict[str, list[_Part]]) -> dict[str, Any]:
     """`configurations.yaml` of the merged campaign."""
-    read = {campaign.root: read_mapping(campaign.configurations) for campaign in campaigns}
+    read = {
+        campaign.root: read_configurations(campaign) if campaign.configurations.exists() else {}
+        for campaign in campaigns
+    }
     entries = {
         (root, entry.get("name")): entry
         for root, data in read.items()

@@ -12,6 +12,7 @@ from robovast.base.errors import InputError
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import read_variants, variant_of
 from robovast.campaign.layout import Layout
+from robovast.campaign.merge import merge_campaigns
 
 OUT = [
     "..",
@@ -57,7 +58,7 @@ values = st.recursive(
 
 def campaign(folder: Path, content: Any) -> Layout:
     layout = Layout(folder)
-    layout.transient.mkdir(exist_ok=True)
+    layout.transient.mkdir(parents=True, exist_ok=True)
     layout.configurations.write_text(yaml.dump(content), encoding="utf-8")
     return layout
 
@@ -106,3 +107,13 @@ def test_aliases_that_repeat_without_end_are_refused() -> None:
         with pytest.raises(ValueError, match="aliases"):
             parse_yaml(text)
     assert parse_yaml("a: &a [1, 2]\nb: *a\nc: 2 * 3") == {"a": [1, 2], "b": [1, 2], "c": "2 * 3"}
+
+
+@pytest.mark.parametrize("configs", [None, 5, [5], [{"name": ["x"]}], [{"name": "../x"}], {"a": 1}])
+def test_merging_a_damaged_campaign_is_one_message(tmp_path: Path, configs: Any) -> None:
+    layout = campaign(tmp_path / "a-2026-01-01-000000", {"vast": "a.vast", "configs": configs})
+    layout.config.mkdir()
+    (layout.config / "a.vast").touch()
+    with pytest.raises(InputError):
+        merge_campaigns([layout.root], tmp_path / "merged-2026-01-01-000000")
+    assert not (tmp_path / "merged-2026-01-01-000000").exists()
