@@ -293,15 +293,20 @@ class Own(BaseShareProvider):
 
 
 def test_the_share_that_is_configured_gets_the_results_of_a_campaign(
-    vast: Vast, operator: Operator, known_cluster: Cluster, namespace: str, tmp_path: Path
+    vast: Vast,
+    operator: Operator,
+    known_cluster: Cluster,
+    namespace: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "own.py:Own")
     (tmp_path / "own.py").write_text(OWN_SHARE)
-    (tmp_path / ".env").write_text("ROBOVAST_SHARE_TYPE=own.py:Own\n")
     refused = vast("run", "--detach")
     assert refused.code == 2
     assert "OWN_TOKEN" in refused.err
     assert operator.names() == []
-    (tmp_path / ".env").write_text("ROBOVAST_SHARE_TYPE=own.py:Own\nOWN_TOKEN=hidden\n")
+    (tmp_path / ".env").write_text("OWN_TOKEN=hidden\n")
     outcome = vast("run", "--detach")
     assert outcome.code == 0, outcome.err
     assert "Its results go to the share" in outcome.out
