@@ -69,10 +69,15 @@ COVERED: dict[str, tuple[str, ...]] = {
     "verdict": ("base/xml_files",),
     "archive": ("campaign/archive",),
     "project": ("base/environment",),
-    "bag": ("analysis/bags/files", "analysis/bags/mcap_file", "analysis/bags/sqlite_file"),
+    "bag": (
+        "analysis/bags/files",
+        "analysis/bags/mcap_file",
+        "analysis/bags/zstd",
+        "base/sqlite_files",
+    ),
     "drive-tables": ("analysis/bags/table",),
     "drive": (
-        *("evaluation/drive/blocks", "evaluation/drive/motion", "evaluation/drive/one_file"),
+        "evaluation/drive/motion",
         "evaluation/drive/picture_size",
     ),
     "records": (
@@ -89,13 +94,13 @@ COVERED: dict[str, tuple[str, ...]] = {
     "campaign": (
         *("analysis/provenance/metadata", "analysis/provenance/searches", "analysis/tables/query"),
         *("campaign/configurations", "campaign/merge", "search/history"),
-        *("search/extractors/columns", "search/local", "search/store"),
+        *("search/local", "search/store"),
     ),
     "page": (
-        *("evaluation/about", "evaluation/bag_timeline", "evaluation/configuration_index"),
-        *("evaluation/database", "evaluation/map_picture", "evaluation/notebooks/workloads"),
+        *("evaluation/about", "evaluation/configuration_index"),
+        *("evaluation/map_picture", "evaluation/notebooks/workloads"),
         *("evaluation/poses", "evaluation/server/searches"),
-        *("evaluation/tables", "evaluation/untrusted"),
+        "evaluation/untrusted",
     ),
 }
 """Modules of `robovast` by the reader that makes them parse mutated files."""

@@ -130,7 +130,10 @@ def typestore_of(definition: Definition, folder: Path | None, distribution: str)
 @lru_cache(maxsize=64)
 def _typestore(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
     store = get_typestore(Stores.EMPTY)
-    store.register(types_of(definition, folder, distribution))
+    try:
+        store.register(types_of(definition, folder, distribution))
+    except TypesysError as error:  # its own copy of a type of ROS differs from ROS's
+        raise DefinitionError(f"the definition of {definition.type} is wrong: {error}") from error
     return store
 
 
