@@ -57,14 +57,15 @@ class SqliteFile:
     def messages(self, block: Block, channels: Collection[int]) -> list[Read]:
         """Messages of some topics in a block, in recording order."""
         wanted = [json.dumps(sorted(channels))]
-        where = "AND topic_id IN (SELECT value FROM json_each(?))"
+        where = (
+            "AND topic_id IN (SELECT value FROM json_each(?)) AND typeof(data) = 'blob' "
+            "AND typeof(timestamp) = 'integer' AND typeof(topic_id) = 'integer'"
+        )
         found: list[Read] = []
         try:
             with opened(self._path) as database:
-                columns = "timestamp, topic_id, data"
-                for _, *row in self._rows(database, columns, block, where, wanted):
-                    if [type(cell) for cell in row] == [int, int, bytes]:
-                        found.append((row[0], row[1], row[2]))
+                rows = self._rows(database, "timestamp, topic_id, data", block, where, wanted)
+                found += ((time, topic, data) for _, time, topic, data in rows)
         except InputError as error:
             self.faults.add(str(error))
         return found
@@ -84,7 +85,8 @@ class SqliteFile:
                 self.faults.add(f"{self._path.name} has too many rows; the last ones are left out")
                 self.complete = False
                 break
-            if (type(topic), type(time), kind) != (int, int, "blob") or size > LARGEST:
+            is_message = type(topic) is int and type(time) is int and kind == "blob"
+            if not is_message or size > LARGEST:
                 odd += 1
                 continue
             if block is None or rows == _MOST_ROWS or block.size > TOGETHER:
