@@ -318,6 +318,7 @@ def _archive(folder: Path, chance: Random) -> None:
     mode, format_ = chance.choice(("w", "w", "w:gz")), chance.choice((0, 1, 2))
     with tarfile.open(folder / f"{name}.tar.gz", mode, format=format_) as tar:
         for path, content in files.items():
+            path = path if format_ else path[:80]  # the oldest format has no longer names
             info = tarfile.TarInfo(f"{name}/{path}")
             info.size = len(content)
             if format_ == 2:
