@@ -24,8 +24,8 @@ def commands(group: Any) -> Iterator[Any]:
 
 
 def test_no_command_receives_a_path_with_dots(tmp_path: Path, monkeypatch) -> None:
-    (tmp_path / "work").mkdir()
-    monkeypatch.chdir(tmp_path / "work")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
     found = 0
     for one in commands(command()):
         for param in one.params:
@@ -41,7 +41,7 @@ def test_no_command_receives_a_path_with_dots(tmp_path: Path, monkeypatch) -> No
     ("given", "meant"),
     [
         ("../results", "results"),
-        ("../work/../results", "results"),
+        ("../here/../results", "results"),
         ("link/../results", "far/results"),
         ("../results/..", "."),
         ("missing/../../results", "results"),
@@ -50,22 +50,22 @@ def test_no_command_receives_a_path_with_dots(tmp_path: Path, monkeypatch) -> No
 def test_parents_are_those_of_the_file_system(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str, meant: str
 ) -> None:
-    for folder in ("work", "results", "far/away", "far/results"):
+    for folder in ("here", "results", "far/away", "far/results"):
         (tmp_path / folder).mkdir(parents=True)
-    (tmp_path / "work" / "link").symlink_to(tmp_path / "far" / "away")
-    monkeypatch.chdir(tmp_path / "work")
+    (tmp_path / "here" / "link").symlink_to(tmp_path / "far" / "away")
+    monkeypatch.chdir(tmp_path / "here")
     assert normalized(Path(given)) == tmp_path / meant
-    assert normalized(tmp_path / "work" / given) == tmp_path / meant
+    assert normalized(tmp_path / "here" / given) == tmp_path / meant
 
 
-@pytest.mark.parametrize("given", ["../results", "{}/work/../results", "a/../../results"])
+@pytest.mark.parametrize("given", ["../results", "../here/../results", "a/../../results"])
 def test_bags_are_converted_wherever_the_results_folder_is(
     vast, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: str
 ) -> None:
     (case,) = CASES.glob("b14-*")
     campaign = copytree(case, tmp_path / "results" / case.name)
-    (tmp_path / "work" / "a").mkdir(parents=True)
-    monkeypatch.chdir(tmp_path / "work")
+    (tmp_path / "here" / "a").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "here")
     outcome = vast("results", "postprocess", "-r", given.format(tmp_path))
     assert (outcome.code, "failed" in outcome.err) == (0, False), outcome.err
     assert (campaign / "c" / "0" / "rosbag2_x.csv").is_file()
