@@ -37,6 +37,7 @@ from robovast_operator.effects.witness import Witness
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import PAUSE, Api, ApiError
 from robovast_operator.kube.conditions import is_true
+from robovast_operator.kube.lenient import mapping
 from robovast_operator.kube.metrics import Metrics
 from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import JobState, Store
@@ -161,8 +162,14 @@ class Reconciler:
             await self._purge.protect(obj)
         deliveries = self._store.deliveries_of(key, identity.uid)
         await self._deliveries.report(identity, deliveries, memory.delivered)
-        if not is_settled(obj, jobs, self._store.configurations_of(key)):
+        if not is_settled(obj, jobs, self._store.configurations_of(key)) or self._moved(obj):
             await self._advance(obj, memory, jobs)
+
+    def _moved(self, obj: Object) -> bool:
+        """Whether the status of a Campaign shows another S3 server than the installation's."""
+        storage = mapping(mapping(obj.get("spec")).get("storage"))
+        current = storage.get("endpoint") or self._settings.endpoint
+        return mapping(obj.get("status")).get("endpoint") not in {None, current}
 
     def _memory(self, key: Key, identity: Identity, obj: Object) -> Memory:
         memory = self._memories.get(key)
@@ -180,6 +187,8 @@ class Reconciler:
             await self._purge.protect(obj)
             if not await self._inputs.make_files(accepted, memory.inputs):
                 accepted = await self._inputs.accepted(obj, memory.inputs)
+        if isinstance(accepted, Accepted):
+            await self._job_maker.replace_moved(accepted, jobs)
         if isinstance(accepted, Accepted) and not (accepted.pure or accepted.entries):
             composed = await self._composed(obj, accepted, memory, jobs)
             if composed is None:
@@ -417,6 +426,8 @@ class Reconciler:
         if not self._purge.holds(obj):
             return
         begun = await self._inputs.begun(obj, memory.inputs)
+        if not isinstance(begun, Rejected):
+            await self._job_maker.replace_moved(begun[0], jobs)
         again = await self._purge.carry_out(obj, begun, jobs)
         if again is not None:
             self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), again)

@@ -534,14 +534,14 @@ def test_a_pod_that_was_held_for_long_goes_on(make: Make) -> None:
 @contextlib.contextmanager
 def preparing(campaign: Campaign) -> Iterator[Callable[[], object]]:
     """Pods of a campaign come no further than their first request; gives what waits for that."""
-    endpoint = campaign.plan.endpoint
+    endpoint = campaign.endpoint
     with socket.create_server(("127.0.0.1", 0)) as server, contextlib.ExitStack() as asked:
         server.settimeout(60)
-        campaign.change(endpoint=f"http://127.0.0.1:{server.getsockname()[1]}")
+        campaign.endpoint = f"http://127.0.0.1:{server.getsockname()[1]}"
         try:
             yield lambda: asked.enter_context(server.accept()[0])
         finally:
-            campaign.change(endpoint=endpoint)
+            campaign.endpoint = endpoint
 
 
 @one_server
@@ -808,7 +808,7 @@ def test_refused_storage_is_told(make: Make) -> None:
     pod = Pod(campaign)
     assert pod.prepare() == 76
     told = pod.message_file.read_text()
-    assert campaign.plan.endpoint in told
+    assert campaign.endpoint in told
     assert "Check the secret key" in told
 
 
@@ -822,7 +822,7 @@ def test_an_agent_that_is_refused_says_so_beside_its_verdicts(
         return (403, "AccessDenied") if method == "PUT" and "/one-1/0/" in path else None
 
     with refusing(s3_server.endpoint, refuses) as endpoint:
-        campaign.change(endpoint=f"http://{endpoint}")
+        campaign.endpoint = f"http://{endpoint}"
         pod = Pod(campaign)
         assert pod.run() == 77, "a pod of other runs may succeed"
     told = pod.message()
@@ -858,7 +858,7 @@ def test_storage_that_takes_nothing_is_noticed_before_anything_is_executed(
         return answer if wrong else None
 
     with refusing(s3_server.endpoint, refuses) as endpoint:
-        campaign.change(endpoint=f"http://{endpoint}")
+        campaign.endpoint = f"http://{endpoint}"
         pod = Pod(campaign)
         assert pod.prepare() == code, pod.log("agent")
     assert answer[1] in pod.message_file.read_text()
@@ -876,7 +876,7 @@ def test_a_name_that_is_too_long_for_the_server_ends_the_tries(
         return (400, "KeyTooLongError") if long else None
 
     with refusing(s3_server.endpoint, refuses) as endpoint:
-        campaign.change(endpoint=f"http://{endpoint}")
+        campaign.endpoint = f"http://{endpoint}"
         pod = Pod(campaign)
         assert pod.run() == 77, pod.log("agent")
     assert "1,024 bytes" in pod.message()["error"]

@@ -23,6 +23,7 @@ from robovast.agent.process import CACHE, add_to_run, describe
 from robovast.agent.untrusted_files import store_own_tree
 from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
 from robovast.analysis.postprocessing.session import postprocess
+from robovast.kubeapi.pod_contract.storage_address import ENDPOINT
 from robovast.model.packs import CampaignPlan
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
@@ -75,11 +76,10 @@ class Stored:
         self.name = campaign.name
         self.bucket = f"test-{uuid4().hex[:12]}"
         self.mounts = mounts
-        url = f"http://{server.endpoint}"
+        self.url = f"http://{server.endpoint}"
         plan = CampaignPlan(
             campaign=self.name,
             bucket=self.bucket,
-            endpoint=url,
             document="c.vast",
             expansion="pure",
             runs=1,
@@ -89,7 +89,7 @@ class Stored:
         write(mounts / "credentials/accessKey", server.access_key)
         write(mounts / "credentials/secretKey", server.secret_key)
         keys = Credentials(server.access_key, server.secret_key)
-        self.store = ObjectStore(Endpoint.parse(url), keys, patience=60)
+        self.store = ObjectStore(Endpoint.parse(self.url), keys, patience=60)
         self.store.make_bucket(self.bucket)
         store_own_tree(Bucket(self.store, self.bucket, None), campaign)
 
@@ -99,7 +99,9 @@ class Stored:
         message = work / "termination-log"
         write(message, "")
         folders = [f"--{name}={self.mounts / name}" for name in ("plan", "credentials")]
-        code = main(["process", *folders, f"--work={work}", f"--message={message}"])
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv(ENDPOINT, self.url)
+            code = main(["process", *folders, f"--work={work}", f"--message={message}"])
         return code, message.read_text()
 
     def read(self, path: str) -> str | None:

@@ -41,7 +41,7 @@ def copy(store: ObjectStore, tmp_path: Path) -> Copy:
 
     def copy(folder: Path = tmp_path / "none", **source: object) -> Path:
         plan = CampaignPlan(
-            campaign="c", bucket="b", endpoint="http://s3", document="test.vast",
+            campaign="c", bucket="b", document="test.vast",
             expansion="pure", runs=1, image="i", **source,
         )  # fmt: skip
         target = tmp_path / "inputs"

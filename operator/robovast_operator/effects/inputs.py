@@ -148,10 +148,10 @@ class Inputs:
         if planned is not None:
             return accepted, planned
         plan, status = campaign_plan(accepted, None, ()), obj.get("status") or {}
-        where = {key: status[key] for key in ("bucket", "endpoint") if status.get(key)}
-        if where.get("bucket", plan.bucket) != plan.bucket:
-            where["owner"] = None  # an older version has named it
-        return accepted, plan.model_copy(update=where)
+        bucket = status.get("bucket") or plan.bucket
+        # an older version has named it
+        owner = plan.owner if bucket == plan.bucket else None
+        return accepted, plan.model_copy(update={"bucket": bucket, "owner": owner})
 
     async def _source(self, obj: Object) -> Object | Rejected | None:
         """The ConfigMap with the input files: our copy, or the original if not copied yet."""

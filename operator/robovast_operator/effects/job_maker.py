@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from robovast_operator.effects.jobs import Jobs
 from robovast_operator.kube import paths
+from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
+from robovast_operator.kube.events import Message
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import QUEUE_LABEL, JobState, Store
+from robovast_operator.planning.campaign import Accepted
 from robovast_operator.pods.carried import carrying, config_maps_of
 from robovast_operator.pods.findings import Trouble
 
@@ -29,6 +34,27 @@ class JobMaker:
             self._store.put_job(JobState.of(made))
         else:
             await self._look(identity, job["metadata"]["name"], taken)
+
+    async def replace_moved(self, accepted: Accepted, jobs: Mapping[str, JobState]) -> None:
+        """Delete the open Jobs whose pods use another S3 server than today's.
+
+        They are created again with today's address; stored runs are not repeated. Kueue would take
+        the successor of a Job in another cluster for the Job itself, so such a Job stays.
+        """
+        moved = [
+            job
+            for job in jobs.values()
+            if job.open and not (job.deleting or job.elsewhere)
+            if job.address not in {"", accepted.address}
+        ]
+        for job in moved:
+            text = (
+                f"The address of the S3 server has changed from {job.address} to "
+                f"{accepted.address}. The Job {job.name} is created again; stored runs are kept."
+            )
+            message = Message("Normal", "StorageMoved", text, job.uid)
+            await announce(self._api, accepted.identity, message)
+            await self._api.delete(f"{paths.jobs(job.namespace)}/{job.name}")
 
     async def _for_its_cluster(self, namespace: str, job: Object) -> Object | None:
         """The Job as it must be: one that is executed in another cluster brings its ConfigMaps.

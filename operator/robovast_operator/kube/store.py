@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 
 from robovast.base.ranges import count
 from robovast.kubeapi.names import child_name
+from robovast.kubeapi.pod_contract.storage_address import ENDPOINT, REGION, joined_address
 from robovast.kubeapi.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
 from robovast_operator.kube.lenient import (
     BEGINNING,
     mapping,
+    mappings,
     metadata,
     number,
     ranges,
@@ -80,6 +82,8 @@ class JobState:
     """When it finished."""
     elsewhere: bool = False
     """Whether its pods are in another cluster, from where Kueue brings its status."""
+    address: str = ""
+    """The S3 server that its pods use: endpoint and region; empty if they use none."""
 
     @property
     def key(self) -> Key:
@@ -143,7 +147,16 @@ class JobState:
             configuration=labels.get(CONFIGURATION_LABEL, ""),
             ended=time(end.get("lastTransitionTime")),
             elsewhere=text(spec.get("managedBy"), _JOB_CONTROLLER) != _JOB_CONTROLLER,
+            address=_address(spec),
         )
+
+
+def _address(spec: Object) -> str:
+    """The S3 server that a Job's pods use."""
+    pod = mapping(mapping(spec.get("template")).get("spec"))
+    variables = [v for c in mappings(pod.get("containers")) for v in mappings(c.get("env"))]
+    values = {text(v.get("name")): text(v.get("value")) for v in variables}
+    return joined_address(values.get(ENDPOINT, ""), values.get(REGION))
 
 
 def _end(conditions: Iterable[Object]) -> Object:

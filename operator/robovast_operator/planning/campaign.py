@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from robovast.kubeapi.pod_contract.storage_address import joined_address
 from robovast.kubeapi.resources import (
     CampaignSpec,
 )
@@ -105,6 +106,11 @@ class Accepted:
     def region(self) -> str | None:
         """Region of the S3 server."""
         return self.spec.storage.region or self.default_region
+
+    @property
+    def address(self) -> str:
+        """The S3 server, as `JobState.address` names it."""
+        return joined_address(self.endpoint, self.region)
 
     @property
     def document_name(self) -> str:

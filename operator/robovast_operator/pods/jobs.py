@@ -259,8 +259,6 @@ def campaign_plan(
         campaign=accepted.campaign,
         bucket=accepted.bucket,
         owner=accepted.owner,
-        endpoint=accepted.endpoint,
-        region=accepted.region,
         document=accepted.document_name,
         expansion="pure" if accepted.pure else made,
         bundle=bundle

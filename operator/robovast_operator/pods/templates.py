@@ -28,6 +28,7 @@ from robovast.kubeapi.pod_contract.pods import (
     spread,
 )
 from robovast.kubeapi.pod_contract.sightings import FILE
+from robovast.kubeapi.pod_contract.storage_address import address_variables
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL, Scheduling
 from robovast.kubeapi.secret_names import may_be_named, refusal
 from robovast.model.document.assets import Assets
@@ -82,7 +83,7 @@ def run_pod(
     if asked is not None:
         settings = replace(settings, work_request=str(asked), work_limit=str(asked))
     spec["containers"] = [
-        _agent(settings, request),
+        _agent(accepted, settings, request),
         _run_container(accepted, settings, "robovast", [], execution.resources),
     ]
     if execution.kubernetes.device_claims:
@@ -125,7 +126,10 @@ def task_pod(
     if command in {"compose", "propose"} and git is not None and git.secret_name is not None:
         more.append(Mount.GIT.secret(git.secret_name))
     mounts = [*CAMPAIGN, *(Mount(volume["name"]) for volume in more)]
-    spec["containers"] = [_own(settings, command, [command], mounts, settings.task_resources)]
+    address = address_variables(accepted.endpoint, accepted.region)
+    spec["containers"] = [
+        _own(settings, command, [command], mounts, settings.task_resources, address)
+    ]
     spec["volumes"] = [work, *spec["volumes"], *more]
     return spec
 
@@ -323,9 +327,11 @@ def _own(
     arguments: Sequence[str],
     mounts: Iterable[Mount],
     resources: Object,
+    more: Iterable[Object] = (),
 ) -> Object:
     """A container of our own image, which knows where it is."""
     variables: list[Object] = [
+        *more,
         {"name": "POD_NAME", "valueFrom": {"fieldRef": {"fieldPath": "metadata.name"}}},
         {"name": "NODE_NAME", "valueFrom": {"fieldRef": {"fieldPath": "spec.nodeName"}}},
         {"name": VARIABLE, "value": str(settings.variant_limit)},
@@ -335,7 +341,7 @@ def _own(
     return own_container(settings.agent_image, name, arguments, mounts, resources, variables)
 
 
-def _agent(settings: Settings, request: PackRequest) -> Object:
+def _agent(accepted: Accepted, settings: Settings, request: PackRequest) -> Object:
     """The container that prepares and stores the runs.
 
     It is not started until they are prepared, and not ready while a run is silent.
@@ -349,7 +355,8 @@ def _agent(settings: Settings, request: PackRequest) -> Object:
     if settings.silence_minutes:
         arguments += ["--silence", f"{settings.silence_minutes * 60:g}"]
         probes["readinessProbe"] = _probe("!", "-e", SILENT) | _WHILE_RUNNING
-    return _own(settings, AGENT, arguments, CAMPAIGN, resources) | probes
+    address = address_variables(accepted.endpoint, accepted.region)
+    return _own(settings, AGENT, arguments, CAMPAIGN, resources, address) | probes
 
 
 _WHILE_PREPARING = {"initialDelaySeconds": 3, "periodSeconds": 5, "failureThreshold": 17_280}

@@ -31,8 +31,9 @@ from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of
 from robovast.kubeapi.pod_contract.messages import BAD_TOLD, BadRun, Verdicts
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
+from robovast.kubeapi.pod_contract.storage_address import passed_address
 from robovast.model.plan import PackStart
-from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.endpoint import Credentials
 from robovast.storage.s3 import ObjectStore
 
 
@@ -69,7 +70,7 @@ def _follow(folders: Folders, container: RunContainer, silence: float, stop: Eve
     try:
         if pack.first is not None:
             credentials = Credentials.from_folder(folders.credentials)
-            endpoint = Endpoint.parse(pack.endpoint, pack.region)
+            endpoint = passed_address()
             store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE + 2)
             with Background() as background:
                 yielding = ObjectStore(

@@ -26,13 +26,14 @@ from robovast.campaign.configurations import (
 )
 from robovast.campaign.layout import CONFIGURATIONS, Layout
 from robovast.kubeapi.pod_contract.exit_codes import PlanError
+from robovast.kubeapi.pod_contract.storage_address import passed_address
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition, Variant, compose, select_any
 from robovast.model.expansion.containers import refuse_containers
 from robovast.model.naming import CONFIG
 from robovast.model.packs import CampaignPlan, PlanSpec
 from robovast.model.repetition import list_key, parse_list
-from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.endpoint import Credentials
 from robovast.storage.s3 import ObjectStore
 
 
@@ -74,8 +75,8 @@ def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:
     """
     plan = read_plan(folders.campaign_plan)
     credentials = Credentials.from_folder(folders.credentials)
-    endpoint = Endpoint.parse(plan.endpoint, plan.region)
-    store = ObjectStore(endpoint, credentials, connections=connections, patience=REPEATABLE)
+    address = passed_address()
+    store = ObjectStore(address, credentials, connections=connections, patience=REPEATABLE)
     return Campaign(plan, folders, store)
 
 

@@ -75,8 +75,6 @@ class Pack:
     bucket: str
     owner: Owner | None
     """Whose the bucket is."""
-    endpoint: str
-    region: str | None
     image: str
     number: int
     """Number of the pack in the plan: jobs are named after it."""

@@ -128,8 +128,6 @@ def _pack(
         campaign=plan.campaign,
         bucket=plan.bucket,
         owner=plan.owner,
-        endpoint=plan.endpoint,
-        region=plan.region,
         image=plan.image,
         number=number,
         attempt=request.attempt,

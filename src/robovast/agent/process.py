@@ -22,10 +22,11 @@ from robovast.campaign.run_files import StoredFile, Writer, escaped, is_writers
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import Processed
+from robovast.kubeapi.pod_contract.storage_address import passed_address
 from robovast.storage.bucket_ownership import is_owned
 from robovast.storage.bucket_runs import listed_files
 from robovast.storage.download import Silent, download_campaign
-from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.endpoint import Credentials
 from robovast.storage.s3 import ObjectStore
 
 CACHE = f"{state.FOLDER}/{state.FILE}"
@@ -47,8 +48,7 @@ def process(folders: Folders) -> AgentExit:
     """
     plan = read_plan(folders.campaign_plan)
     credentials = Credentials.from_folder(folders.credentials)
-    endpoint = Endpoint.parse(plan.endpoint, plan.region)
-    store = ObjectStore(endpoint, credentials, connections=SIDE_BY_SIDE)
+    store = ObjectStore(passed_address(), credentials, connections=SIDE_BY_SIDE)
     campaign = folders.work / "results" / plan.campaign
     bucket = Bucket(store, plan.bucket, plan.owner)
     is_owned(store, plan.bucket, plan.owner.uid if plan.owner is not None else None)

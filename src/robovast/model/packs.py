@@ -383,9 +383,6 @@ class CampaignPlan(_Data):
     bucket: str
     owner: Owner | None = None
     """The bucket's owner; missing in plans of older versions."""
-    endpoint: str
-    """URL of the S3 server, as seen from pods."""
-    region: str | None = None
     document: str
     """Name of the .vast file among the inputs; its text is stored beside it as `document.vast`."""
     expansion: Literal["pure", "composed", "proposed"]

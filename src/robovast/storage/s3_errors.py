@@ -151,15 +151,21 @@ def _text(error: Exception) -> str:
 
 
 _OF_ONE_OBJECT = frozenset({"InvalidRange", "NoSuchKey", "PreconditionFailed"})
+_OTHER_KEYS = (
+    "The server has no account with this access key: the keys are those of another server, or "
+    "outdated. Pods use the keys in the Secret of the Campaign's namespace (default: "
+    "`robovast-storage`)."
+)
 _REMEDIES = {
     _DENIED: "The account's policy must allow it.",
-    "InvalidAccessKeyId": "Check the access key.",
+    "InvalidAccessKeyId": _OTHER_KEYS,
     "KeyTooLongError": "S3 takes names of 1,024 bytes, folders included.",
     "SignatureDoesNotMatch": "Check the secret key.",
     "NoSuchKey": "It was there; was it removed meanwhile?",
     "NoSuchBucket": "Is it the right server, or was the bucket removed?",
     "PreconditionFailed": "It has changed meanwhile; try again.",
     _SKEWED: "Its clock and the one here are too far apart: set the wrong one.",
+    "XAdminUserNotFound": _OTHER_KEYS,
     "XMinioAdminBucketQuotaExceeded": "Raise the bucket's quota.",
     "XMinioStorageFull": "Make room on the server; what is stored stays.",
 }

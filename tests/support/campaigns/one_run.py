@@ -101,8 +101,6 @@ class Execution:
             campaign="test",
             bucket=self.bucket,
             owner=None,
-            endpoint="",
-            region=None,
             image="",
             number=0,
             attempt=self.attempt,

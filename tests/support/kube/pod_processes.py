@@ -21,6 +21,7 @@ from robovast_testbed.s3 import Server
 
 from robovast.agent.scripts import AWAIT, SHELL
 from robovast.execution.local.process_environment import process_environment
+from robovast.kubeapi.pod_contract.storage_address import ENDPOINT
 from robovast.model.document import load_document
 from robovast.model.expansion import compose, select_any
 from robovast.model.packs import CampaignPlan, Entry, Owner, PlanSpec, first_blocks, format_breaks
@@ -83,11 +84,11 @@ class Campaign:
         )
         image = self.given.pop("image", "registry/image:tag")
         runs = self.given.pop("runs", document.vast.execution.most_runs)
+        self.endpoint = f"http://{self.server.endpoint}"
         self.plan = CampaignPlan(
             campaign=self.name,
             bucket=self.bucket,
             owner=owner,
-            endpoint=f"http://{self.server.endpoint}",
             document=self.vast.name,
             **{"expansion": "pure", **self.given},
             runs=runs,
@@ -104,7 +105,7 @@ class Campaign:
         )
         self._mount()
         keys = Credentials(self.server.access_key, self.server.secret_key)
-        self.store = ObjectStore(Endpoint.parse(self.plan.endpoint), keys, patience=60)
+        self.store = ObjectStore(Endpoint.parse(self.endpoint), keys, patience=60)
 
     def _mount(self) -> None:
         plan, files, credentials = (self.root / n for n in ("plan", "files", "credentials"))
@@ -192,7 +193,11 @@ class Pod:
                 *(f"--work={self.work}", f"--message={self.message_file}"),
                 *(f"--config-seen={self.work / 'config'}", f"--out-seen={self.out}"),
             ],
-            {"JOB_COMPLETION_INDEX": str(index), "POD_NAME": self.name},
+            {
+                "JOB_COMPLETION_INDEX": str(index),
+                "POD_NAME": self.name,
+                ENDPOINT: self.campaign.endpoint,
+            },
         )
 
     def task(self, name: str) -> int:
