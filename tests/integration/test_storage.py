@@ -397,3 +397,12 @@ def test_credentials_come_from_the_files_of_a_secret(tmp_path: Path) -> None:
     credentials = Credentials.from_folder(tmp_path)
     assert (credentials.access_key, credentials.secret_key) == ("me", "hidden")
     assert "hidden" not in repr(credentials)
+
+
+def test_keys_of_another_server_are_named_with_the_secret_that_has_them(
+    s3_server: Server, bucket: str
+) -> None:
+    keys = Credentials("another-server", "secret-of-another-server")
+    store = ObjectStore(Endpoint.parse(f"http://{s3_server.endpoint}"), keys, patience=1)
+    with pytest.raises(StorageError, match=r"keys are those of another server.*robovast-storage"):
+        store.put_bytes(bucket, "key", b"content")

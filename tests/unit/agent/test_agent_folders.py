@@ -32,7 +32,7 @@ RUNS = tuple(Run(id_, Variant(f"v-{id_}", "v", {"x": id_ / 2}), 0) for id_ in ra
 
 def make_pack(**changes: object) -> Pack:
     values = {
-        "campaign": "c", "bucket": "b", "owner": None, "endpoint": "http://s3", "region": None,
+        "campaign": "c", "bucket": "b", "owner": None,
         "image": "i",
         "number": 7, "attempt": 1, "runs": RUNS, "done": {}, "first_job": 1,
         "scenario": Scenario("s", (ScenarioParameter("seed", "int", "0", 3),)),
