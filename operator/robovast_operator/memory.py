@@ -110,6 +110,26 @@ class Motion:
         self.progressed -= seconds
 
 
+@dataclass(frozen=True)
+class Judged:
+    """What the pods of a Job show by our own containers."""
+
+    at: float
+    """When they were read."""
+    finished: str
+    """End of the Job as of then."""
+    foreign: bool = False
+    """Whether they have containers that are not ours."""
+    over: int = 0
+    """Pods that have not ended although our containers have."""
+    at_work: int = 0
+    """Pods whose agent runs."""
+    reports: Mapping[int, Report] = field(default_factory=dict)
+    """Of agents that have stored all runs of their index."""
+    done: frozenset[int] = frozenset()
+    """Of a task: completion indexes whose container has ended well; -1 without indexes."""
+
+
 @dataclass
 class PodsCache:
     """Cache of `effects.diagnose`."""
@@ -117,6 +137,8 @@ class PodsCache:
     motion: Motion = field(default_factory=Motion)
     reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
     """By Job: its failed indexes, and the reports of their pods."""
+    judged: dict[str, Judged] = field(default_factory=dict)
+    """Of `effects.own_pods`, by uid of a Job."""
     mishaps: dict[str, Sequence[Mishap]] = field(default_factory=dict)
     """By Job: the first of its pods."""
     finals: dict[str, Final] = field(default_factory=dict)

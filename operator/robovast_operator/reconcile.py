@@ -30,6 +30,7 @@ from robovast_operator.effects.job_maker import JobMaker
 from robovast_operator.effects.jobs import Jobs
 from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.notifier import Notifier
+from robovast_operator.effects.own_pods import LOOK_SECONDS, OwnPods
 from robovast_operator.effects.purge import Purge
 from robovast_operator.effects.queues import Queues
 from robovast_operator.effects.status_writer import Statuses
@@ -82,6 +83,7 @@ class Reconciler:
         limits = NamespaceLimitsReader(api)
         created = Jobs(api, store, limits)
         self._diagnosis = Diagnosis(api, settings, self._queues, limits)
+        self._own_pods = OwnPods(api)
         self._witness = Witness(api, self._diagnosis)
         self._deliveries = Deliveries(api, self._diagnosis)
         notifier = Notifier(queue, settings)
@@ -154,14 +156,19 @@ class Reconciler:
             return
         identity = Identity.of(obj)
         memory = self._memory(key, identity, obj)
+        deliveries = {job.name: job for job in self._store.deliveries_of(key, identity.uid)}
         jobs = self._store.jobs_of(key, identity.uid)
+        judged = await self._own_pods.judge({**jobs, **deliveries}, memory.pods)
+        jobs = {name: judged[name] for name in jobs}
+        if any(seen.foreign and not seen.finished for seen in memory.pods.judged.values()):
+            self._queue.add(key, LOOK_SECONDS)  # the Job does not change when our containers end
         if "deletionTimestamp" in obj["metadata"]:
             await self._deleted(obj, memory, jobs)
             return
         if (obj.get("status") or {}).get("bucket"):  # `kubectl replace` leaves no finalizer
             await self._purge.protect(obj)
-        deliveries = self._store.deliveries_of(key, identity.uid)
-        await self._deliveries.report(identity, deliveries, memory.delivered)
+        sent = [judged[name] for name in deliveries]
+        await self._deliveries.report(identity, sent, memory.delivered)
         if not is_settled(obj, jobs, self._store.configurations_of(key)) or self._moved(obj):
             await self._advance(obj, memory, jobs)
 

@@ -23,9 +23,11 @@ from robovast_operator.planning.campaign import Accepted
 from robovast_operator.pods.admission import explain
 from robovast_operator.pods.findings import MISHAPS, PodFindings, Trouble
 from robovast_operator.pods.mishaps import mishaps_of
-from robovast_operator.pods.pod_status import OWN, is_stuck, trouble_of, trouble_of_events
+from robovast_operator.pods.own import OWN
+from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
 from robovast_operator.pods.stalls import cause_of, may_store, unseen_cause
+from robovast_operator.pods.verdicts import Report
 from robovast_operator.settings import Settings
 
 REPORT_SECONDS = 10.0
@@ -33,6 +35,7 @@ REPORT_SECONDS = 10.0
 
 _FAILED = "status.phase=Failed"
 _ENDED = "status.phase!=Running,status.phase!=Pending"
+_ALIVE = "status.phase!=Failed,status.phase!=Succeeded"
 
 MEASURED = 32
 """From how many ended packs on the times of a Job's pods are known well enough."""
@@ -78,7 +81,7 @@ class Diagnosis:
         known.samples = {name: found for name, found in known.samples.items() if name in jobs}
         given_up = known.given_up
         return PodFindings(
-            reports={name: reports for name, (_, reports) in known.reports.items()},
+            reports=_reports(known, jobs),
             finals=dict(known.finals),
             proposals=dict(known.proposals),
             pace=pace_of(sample for _, found in known.samples.values() for sample in found),
@@ -104,7 +107,7 @@ class Diagnosis:
         pods = self._api.list(
             paths.pods(identity.namespace),
             labelSelector=identity.selector(**{ROLE_LABEL: "shard"}),
-            fieldSelector="status.phase=Running",
+            fieldSelector=_ALIVE,
         )
         found = [
             pod["metadata"]["name"]
@@ -246,6 +249,13 @@ class Diagnosis:
             why = explain(refusal, pod, await self._limits.read(job.namespace), OWN)
             return f"{why} The API server: {refusal}" if why else refusal
         return refusal
+
+
+def _reports(known: PodsCache, jobs: Mapping[str, JobState]) -> dict[str, Mapping[int, Report]]:
+    """The reports of a campaign's pods; those that were read after their Job noticed count more."""
+    stored = {n: known.judged[j.uid].reports for n, j in jobs.items() if j.uid in known.judged}
+    read = {name: reports for name, (_, reports) in known.reports.items()}
+    return {name: {**stored.get(name, {}), **read.get(name, {})} for name in {*stored, *read}}
 
 
 def _forget(known: PodsCache, jobs: Mapping[str, JobState]) -> None:

@@ -11,7 +11,7 @@ from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import NOTIFY_ROLE, JobState, Store
 from robovast_operator.pods.admission import counts_jobs, with_required_limits
-from robovast_operator.pods.pod_status import OWN
+from robovast_operator.pods.own import OWN, naming_containers
 from robovast_operator.status.conditions import is_settled
 
 
@@ -34,7 +34,7 @@ class Jobs:
         """
         namespace = job["metadata"]["namespace"]
         limits = await self._limits.read(namespace)
-        fitting = with_required_limits(job, limits, OWN)
+        fitting = naming_containers(with_required_limits(job, limits, OWN))
         try:
             return await self._api.create(paths.jobs(namespace), fitting, dry_run=dry_run)
         except ApiError as error:

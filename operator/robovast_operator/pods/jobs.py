@@ -66,6 +66,8 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
         "maxFailedIndexes": shard.size,
         "suspend": queue is not None or accepted.spec.suspend,
         **failure_policy(
+            "FailIndex",
+            AGENT,
             on_exit("FailJob", "compat-version", [INCOMPATIBLE]),
             on_exit("FailJob", AGENT, {*USELESS} - {AgentExit.REFUSED}),
             on_exit("FailIndex", AGENT, [AgentExit.FAILED, AgentExit.ERRORED, AgentExit.REFUSED]),
@@ -96,6 +98,8 @@ def task_job(
     job["spec"] |= {
         "backoffLimit": COMPOSE_RETRIES if command == "compose" else TASK_RETRIES,
         **failure_policy(
+            "FailJob",
+            command,
             on_exit("FailJob", command, USELESS),
             on_exit("Ignore", command, [AgentExit.STORAGE]),
         ),
@@ -118,6 +122,8 @@ def notify_job(
         "activeDeadlineSeconds": NOTIFY_DEADLINE,
         "ttlSecondsAfterFinished": NOTIFY_KEEP,
         **failure_policy(
+            "FailIndex",
+            NOTIFY_ROLE,
             on_exit("FailIndex", NOTIFY_ROLE, [AgentExit.BAD_PLAN, AgentExit.BAD_DOCUMENT]),
         ),
     }

@@ -10,7 +10,8 @@ from robovast.kubeapi.pod_contract.pack_request import RUN
 from robovast_operator.kube.lenient import text
 from robovast_operator.kube.objects import Object
 from robovast_operator.pods.findings import MISHAPS, Mishap
-from robovast_operator.pods.pod_status import ending_of, memory_limit, message_of, troubles_of
+from robovast_operator.pods.own import ending_of
+from robovast_operator.pods.pod_status import memory_limit, message_of, troubles_of
 
 
 def mishaps_of(pods: Iterable[Object]) -> list[Mishap]:

@@ -8,14 +8,23 @@ from datetime import datetime, timedelta
 from signal import SIGKILL, SIGTERM
 
 from robovast.execution.compat import INCOMPATIBLE
-from robovast.kubeapi.pod_contract.exit_codes import NEVER_STARTED, AgentExit
+from robovast.kubeapi.pod_contract.exit_codes import NEVER_STARTED, VERDICTS, AgentExit
 from robovast.kubeapi.pod_contract.messages import error_in
-from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH, INDEX_ANNOTATION, RUN
+from robovast.kubeapi.pod_contract.pack_request import AGENT, INDEX_ANNOTATION, RUN
 from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast_operator.kube.lenient import LARGEST, mapping, mappings, number, ranges, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.own import (
+    OWN,
+    blocking,
+    containers_of,
+    ending_of,
+    foreign_names,
+    has_verdict,
+    lingers,
+)
 
 _WAITING = {
     "ImagePullBackOff": "ImagePull",
@@ -87,7 +96,7 @@ def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
     """The cause that explains the others."""
     ranked = (
         *("Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"),
-        *("ImagePull", "Configuration"),
+        *("ImagePull", "Configuration", "ForeignContainer"),
         *("Container", "OutOfMemory", "Storage", "Evicted", "Rejected", "NodeLost", "Silent"),
     )
     order = {reason: rank for rank, reason in enumerate(ranked)}
@@ -103,7 +112,7 @@ _ROOM = (
 def troubles_of(pod: Object) -> Iterator[Trouble]:
     """The causes that hinder a pod, or ended it."""
     status: Object = pod.get("status") or {}
-    if status.get("phase") == "Failed" and text(status.get("reason")):
+    if status.get("phase") == "Failed" and text(status.get("reason")) and not has_verdict(pod):
         reason = "Evicted" if status["reason"] == "Evicted" else "Rejected"
         node = text(pod["spec"].get("nodeName"), "?")
         message = f"the node {node} has ended a pod ({status['reason']}): "
@@ -112,7 +121,11 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
             told = f"no node for the pod: {condition.get('message', '')}"
             yield Trouble("Unschedulable", f"{told.rstrip('. ')}. {_ROOM}")
+    yield from _foreign_troubles(pod)
+    foreign = foreign_names(pod)
     for container in containers_of(pod):
+        if container["name"] in foreign:
+            continue
         waiting = (container.get("state") or {}).get("waiting") or {}
         if waiting.get("reason") in _WAITING:
             yield Trouble(_WAITING[waiting["reason"]], _waiting_message(pod, container, waiting))
@@ -122,18 +135,27 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
             yield trouble
 
 
-OWN = frozenset(
-    {
-        *("compat-version", FETCH, AGENT, "compose", "propose", "finish", "process", "purge"),
-        *("notify", "share"),
-    }
-)
-"""Names of our own containers: how they end is no result of a run."""
+def _foreign_troubles(pod: Object) -> Iterator[Trouble]:
+    """How containers that are not ours block a pod, or keep it alive."""
+    name = text(pod["metadata"].get("name"))
+    remedy = (
+        "Ask your cluster administrator why this container is added, or exclude the pods of the "
+        "campaign by `spec.scheduling.podAnnotations` or `spec.scheduling.podLabels`."
+    )
+    for container, how in blocking(pod):
+        who = f"The container {container} in the pod {name} is not part of the campaign"
+        told = f"{who}. The runs cannot start because that container {how}. {remedy}"
+        yield Trouble("ForeignContainer", told)
+    if left := lingers(pod):
+        who = f"The container {left[0]} in the pod {name} is not part of the campaign"
+        told = f"{who}, and keeps the pod alive although the runs of the pod have ended. {remedy}"
+        yield Trouble("ForeignContainer", told)
+
 
 _ORDINARY = frozenset(
     {
-        *(AgentExit.PASSED, AgentExit.FAILED, AgentExit.ERRORED, AgentExit.RUNS_LEFT),
-        *(128 + SIGKILL, 128 + SIGTERM),
+        *VERDICTS,
+        *(AgentExit.RUNS_LEFT, 128 + SIGKILL, 128 + SIGTERM),
     }
 )
 """Exit codes of our containers that report a verdict, or that they were asked to stop."""
@@ -192,13 +214,6 @@ def _mounted_images(pod: Object) -> Iterator[str]:
             yield reference
 
 
-def containers_of(pod: Object) -> Iterator[Object]:
-    """The statuses of a pod's containers, in their order."""
-    status = pod.get("status") or {}
-    yield from status.get("initContainerStatuses") or ()
-    yield from status.get("containerStatuses") or ()
-
-
 def message_of(pod: Object, container: str) -> str:
     """The termination message of a container."""
     return str(ending_of(pod, container).get("message", ""))
@@ -208,14 +223,6 @@ def last_message(pods: Iterable[Object], container: str) -> str:
     """The termination message of a container in the last pod that has one; empty if none has."""
     said = {p["metadata"]["creationTimestamp"]: message_of(p, container).strip() for p in pods}
     return next((said[at] for at in sorted(said, reverse=True) if said[at]), "")
-
-
-def ending_of(pod: Object, container: str) -> Object:
-    """How a container ended; empty when it has not."""
-    for status in containers_of(pod):
-        if status["name"] == container:
-            return mapping(mapping(status.get("state")).get("terminated"))
-    return {}
 
 
 def memory_limit(pod: Object, container: str) -> str:

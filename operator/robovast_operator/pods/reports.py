@@ -26,10 +26,15 @@ from robovast_operator.kube.lenient import ranges, time
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Final, Trouble
-from robovast_operator.pods.pod_status import ending_of, index_of, message_of, trouble_of
+from robovast_operator.pods.own import ending_of, has_verdict
+from robovast_operator.pods.pod_status import index_of, message_of, trouble_of
 from robovast_operator.pods.verdicts import Report
 
-_ALL_STORED = {AgentExit.FAILED: Report(failed=1), AgentExit.ERRORED: Report(errored=1)}
+_ALL_STORED = {
+    AgentExit.PASSED: Report(passed=1, stored=True),
+    AgentExit.FAILED: Report(failed=1, stored=True),
+    AgentExit.ERRORED: Report(errored=1, stored=True),
+}
 """What an agent's exit code alone says about a single run."""
 
 
@@ -66,7 +71,8 @@ def _report(pod: Object) -> Report | None:
         counts = (count(passed), count(failed), count(errored))
     if counts is None:
         return None
-    return Report(*counts, tuple(failed), tuple(errored), said.not_needed or 0, final=True)
+    listed = (tuple(failed), tuple(errored))
+    return Report(*counts, *listed, said.not_needed or 0, final=True, stored=has_verdict(pod))
 
 
 def sample_of(pod: Object) -> Sample | None:

@@ -11,7 +11,8 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
-from robovast_operator.pods.pod_status import containers_of, index_of, most_telling, troubles_of
+from robovast_operator.pods.own import containers_of, has_verdict
+from robovast_operator.pods.pod_status import index_of, most_telling, troubles_of
 
 REPEATED = 3
 """How many pods of one pack die before that is reported."""
@@ -58,7 +59,7 @@ def cause_of(
         return None
     if not repeated:
         return found
-    told = f"{number} pods have died without a result, the last of this: {found.message}"
+    told = f"{number} pods failed without a result. The last cause: {found.message}"
     return replace(found, message=told, repeated=True)
 
 
@@ -117,7 +118,7 @@ def _created(pod: Object) -> str:
 
 
 def _is_dead(pod: Object) -> bool:
-    return bool(pod["status"].get("phase") == "Failed")
+    return bool(pod["status"].get("phase") == "Failed") and not has_verdict(pod)
 
 
 def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
@@ -143,7 +144,10 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
 def may_store(pod: Object, moment: datetime) -> bool:
     """Whether the agent of a pod may still store something; a pod without an agent is not ours."""
     agents = (c for c in containers_of(pod) if c["name"] == "agent")
-    at_work = any("terminated" not in mapping(agent.get("state")) for agent in agents)
+    states = [mapping(agent.get("state")) for agent in agents]
+    if pod["status"].get("phase") == "Pending":  # another container waits, such as for its image
+        return any("running" in state for state in states)
+    at_work = any("terminated" not in state for state in states)
     running = bool(pod["status"].get("phase") == "Running")
     return at_work and running and not _is_lost(pod, moment)
 

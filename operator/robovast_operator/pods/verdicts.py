@@ -41,6 +41,8 @@ class Report(Tally):
 
     final: bool = False
     """Whether no pod of the index comes after it: what has no verdict is errored then."""
+    stored: bool = False
+    """Whether the agent has stored all runs of the index: they count, whatever the pod does."""
 
 
 def total(parts: Iterable[Tally]) -> Tally:
@@ -98,7 +100,7 @@ def tally_of(runs: ShardRuns, job: JobState, reports: Mapping[int, Report]) -> T
     told = [
         _index_tally(runs, index, report)
         for index, report in reports.items()
-        if contains(spoken, index)
+        if contains(spoken, index) or (report.stored and not contains(completed, index))
     ]
     passed = 0 if runs.plan.by_variant else runs.number(completed)
     return total([Tally(passed=passed), *told])

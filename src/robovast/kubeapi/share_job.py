@@ -127,7 +127,7 @@ def job_spec() -> Object:
     return {
         "backoffLimit": RETRIES,
         "ttlSecondsAfterFinished": KEEP,
-        **failure_policy(on_exit("FailJob", ROLE, USELESS)),
+        **failure_policy("FailJob", ROLE, on_exit("FailJob", ROLE, USELESS)),
     }
 
 

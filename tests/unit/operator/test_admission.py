@@ -14,7 +14,8 @@ from robovast_operator.pods.admission import (
     explain,
     with_required_limits,
 )
-from robovast_operator.pods.pod_status import OWN, memory_limit
+from robovast_operator.pods.own import OWN
+from robovast_operator.pods.pod_status import memory_limit
 
 AGENT = {"requests": {"cpu": "10m", "memory": "64Mi"}, "limits": {"memory": "512Mi"}}
 RUN = {"requests": {"cpu": "100m", "memory": "128Mi"}, "limits": {"cpu": "100m", "memory": "128Mi"}}

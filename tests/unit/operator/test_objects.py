@@ -158,6 +158,7 @@ def test_exit_codes_decide_what_is_tried_again() -> None:
         ("FailJob", "agent"): [64, 65, 73, 76],
         ("FailIndex", "agent"): [10, 11, 77],
         ("Ignore", "agent"): [74],
+        ("Count", "agent"): [0],
     }
 
 

@@ -35,6 +35,9 @@ class AgentExit(IntEnum):
     """The S3 server refuses for good: trying again is useless."""
 
 
+VERDICTS = frozenset({AgentExit.PASSED, AgentExit.FAILED, AgentExit.ERRORED})
+"""Codes with which everything is done and stored."""
+
 USELESS = (
     *(AgentExit.BAD_PLAN, AgentExit.BAD_DOCUMENT, AgentExit.OTHER_OWNER),
     *(AgentExit.REFUSED_AT_START, AgentExit.REFUSED),

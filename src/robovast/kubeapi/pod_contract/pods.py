@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal
 
 from robovast.kubeapi.pod_contract.mounts import Mount, Object
 from robovast.kubeapi.resources import NodeAffinity, NodeRequirement, Scheduling
@@ -144,12 +145,26 @@ def confined(restricted: bool = True) -> Object:
     return {"allowPrivilegeEscalation": False, "capabilities": {"drop": ["ALL"]}}
 
 
-def failure_policy(*rules: Object) -> Object:
-    """The pod failure policy of a Job; a disrupted pod costs no retry."""
+def failure_policy(end: Literal["FailIndex", "FailJob"], container: str, *rules: Object) -> Object:
+    """Build the pod failure policy of a Job; only our own containers cause a retry.
+
+    A disrupted pod costs no retry. A pod that fails although our container ended with 0 has done
+    its work: a container that admission added has failed, or kept the pod alive. Kubernetes cannot
+    count such a pod as succeeded, so its index (or Job) ends as failed, without another pod, and
+    the operator reads the verdicts. A pod that is not initialized has not started our container.
+
+    Args:
+        end: action for a pod that has done its work.
+        container: name of our container whose end is the end of the pod's work.
+        rules: rules that come first.
+    """
     disrupted = {"action": "Ignore", "onPodConditions": [{"type": "DisruptionTarget"}]}
+    code = {"containerName": container, "operator": "NotIn", "values": [0]}
+    started = [{"type": "Initialized", "status": "True"}]
+    last = ({"action": "Count", "onExitCodes": code}, {"action": end, "onPodConditions": started})
     return {
         "podReplacementPolicy": "Failed",
-        "podFailurePolicy": {"rules": [*rules, disrupted]},
+        "podFailurePolicy": {"rules": [*rules, disrupted, *last]},
     }
 
 

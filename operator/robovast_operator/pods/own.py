@@ -1,0 +1,128 @@
+"""Judges pods by our own containers: admission may add others, such as a mesh's. Pure functions."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from copy import deepcopy
+from datetime import datetime, timedelta
+
+from robovast.kubeapi.pod_contract.exit_codes import VERDICTS
+from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH
+from robovast_operator.kube.lenient import mapping, mappings, number, text, time
+from robovast_operator.kube.objects import Object
+from robovast_operator.kube.times import parse_time
+
+CONTAINERS_ANNOTATION = "robovast.io/containers"
+"""Annotation of a pod: the names of its containers as we asked for them."""
+
+MAIN = frozenset(
+    {AGENT, "compose", "propose", "finish", "process", "purge", "notify", "share"},
+)
+"""Names of our containers whose end is the end of a pod's work."""
+
+OWN = MAIN | {"compat-version", FETCH}
+"""Names of our own containers: how they end is no result of a run."""
+
+LEAVE = timedelta(seconds=10)
+"""How long other containers may continue after our container has ended."""
+
+
+def naming_containers(job: Object) -> Object:
+    """Return a Job whose pods name the containers that we asked for."""
+    named = deepcopy(job)
+    template = named["spec"]["template"]
+    annotations = template.setdefault("metadata", {}).setdefault("annotations", {})
+    annotations[CONTAINERS_ANNOTATION] = " ".join(_names(template["spec"]))
+    return named
+
+
+def _names(spec: Object) -> list[str]:
+    kinds = ("initContainers", "containers")
+    return [text(c.get("name")) for kind in kinds for c in mappings(spec.get(kind))]
+
+
+def foreign_names(pod: Object) -> list[str]:
+    """Return the names of a pod's containers that are not ours, in the order of the pod."""
+    asked = mapping(pod["metadata"].get("annotations")).get(CONTAINERS_ANNOTATION)
+    if not isinstance(asked, str):
+        return []
+    return [name for name in _names(mapping(pod.get("spec"))) if name not in asked.split()]
+
+
+def containers_of(pod: Object) -> Iterator[Object]:
+    """The statuses of a pod's containers, in their order."""
+    status = pod.get("status") or {}
+    yield from status.get("initContainerStatuses") or ()
+    yield from status.get("containerStatuses") or ()
+
+
+def ending_of(pod: Object, container: str) -> Object:
+    """How a container ended; empty when it has not."""
+    return _end_of(pod, (container,))
+
+
+def main_ending(pod: Object) -> Object:
+    """How our container ended whose end is the end of the pod's work; empty if it has not."""
+    return _end_of(pod, MAIN)
+
+
+def _end_of(pod: Object, names: Collection[str]) -> Object:
+    for status in containers_of(pod):
+        if status["name"] in names:
+            return mapping(mapping(status.get("state")).get("terminated"))
+    return {}
+
+
+def has_verdict(pod: Object) -> bool:
+    """Whether our container has done all of the pod's work, whatever others do."""
+    return number(main_ending(pod).get("exitCode"), -1) in VERDICTS
+
+
+def is_alive(pod: Object) -> bool:
+    """Whether the API server counts a pod as one that has not ended."""
+    gone = "deletionTimestamp" in pod["metadata"]
+    return not gone and pod["status"].get("phase") not in ("Failed", "Succeeded")
+
+
+def is_at_work(pod: Object) -> bool:
+    """Whether the agent of a pod has started its runs and not ended."""
+    agent: Object = next((c for c in containers_of(pod) if c["name"] == AGENT), {})
+    running = bool(mapping(agent.get("state")).get("running"))
+    return is_alive(pod) and running and agent.get("started") is not False
+
+
+def lingers(pod: Object) -> list[str]:
+    """Return the names of foreign containers that keep a pod alive after our container ended."""
+    if not (is_alive(pod) and main_ending(pod)):
+        return []
+    foreign = foreign_names(pod)
+    states = {c["name"]: mapping(c.get("state")) for c in containers_of(pod)}
+    return [name for name in foreign if "terminated" not in states.get(name, {})]
+
+
+def is_to_be_ended(pod: Object, moment: datetime) -> bool:
+    """Whether foreign containers have kept a pod alive for too long."""
+    due = mapping(pod.get("spec")).get("activeDeadlineSeconds") != 1
+    ended = parse_time(time(main_ending(pod).get("finishedAt")))
+    return due and bool(lingers(pod)) and ended + LEAVE <= moment
+
+
+def blocking(pod: Object) -> Iterator[tuple[str, str]]:
+    """Return the foreign containers that keep our containers from starting, and how."""
+    foreign = set(foreign_names(pod))
+    native = {
+        text(c.get("name"))
+        for c in mappings(mapping(pod.get("spec")).get("initContainers"))
+        if c.get("restartPolicy") == "Always"
+    }
+    for status in mappings(mapping(pod.get("status")).get("initContainerStatuses")):
+        name, state = text(status.get("name")), mapping(status.get("state"))
+        if name not in foreign or has_verdict(pod):
+            continue
+        if code := number(mapping(state.get("terminated")).get("exitCode")):
+            yield name, f"failed with exit code {code}"
+        elif waiting := text(mapping(state.get("waiting")).get("reason")):
+            if waiting != "PodInitializing":
+                yield name, f"cannot start ({waiting})"
+        elif state.get("running") and not (name in native and status.get("started")):
+            yield name, "has not finished its start"

@@ -1,0 +1,298 @@
+"""Containers that admission adds to our pods decide nothing: our own containers do."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from support.kube.fake_cluster import SETTINGS, FakeJob, accepted
+
+from robovast.kubeapi.pod_contract.messages import Verdicts
+from robovast.model.repetition import GroupSizes
+from robovast_operator.effects.own_pods import OwnPods
+from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.store import JobState
+from robovast_operator.kube.times import format_time, now
+from robovast_operator.memory import PodsCache
+from robovast_operator.planning.campaign import Revision
+from robovast_operator.planning.revisions import next_revision
+from robovast_operator.planning.shards import ShardPlan, first_attempts
+from robovast_operator.pods.jobs import shard_job, task_job
+from robovast_operator.pods.mishaps import mishaps_of
+from robovast_operator.pods.own import (
+    CONTAINERS_ANNOTATION,
+    foreign_names,
+    is_to_be_ended,
+    naming_containers,
+)
+from robovast_operator.pods.pod_status import troubles_of
+from robovast_operator.pods.reports import reports_of
+from robovast_operator.pods.stalls import may_store
+from robovast_operator.pods.verdicts import ShardRuns, tally_of
+
+NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)
+OURS = ("compat-version", "agent", "robovast")
+PASSED = '{"passed": "0", "failed": "", "errored": ""}'
+
+
+def status(name: str, state: dict[str, Any], **more: Any) -> dict[str, Any]:
+    return {"name": name, "image": "i", "state": state, "started": "running" in state, **more}
+
+
+def running() -> dict[str, Any]:
+    return {"running": {"startedAt": format_time(NOW)}}
+
+
+def ended(code: int, at: datetime = NOW, message: str = "") -> dict[str, Any]:
+    return {"terminated": {"exitCode": code, "finishedAt": format_time(at), "message": message}}
+
+
+def pod(
+    phase: str,
+    states: dict[str, dict[str, Any]],
+    initial: dict[str, dict[str, Any]] | None = None,
+    index: int = 0,
+    own: tuple[str, ...] = OURS,
+    **more: Any,
+) -> Any:
+    initial = initial or {}
+    return shaped(
+        {
+            "metadata": {
+                "namespace": "lab",
+                "name": f"drive-0-{index}",
+                "creationTimestamp": format_time(NOW),
+                "annotations": {
+                    "batch.kubernetes.io/job-completion-index": str(index),
+                    CONTAINERS_ANNOTATION: " ".join(own),
+                },
+            },
+            "spec": {
+                "nodeName": "n",
+                "containers": [{"name": name} for name in states],
+                "initContainers": [{"name": name} for name in initial],
+            },
+            "status": {
+                "phase": phase,
+                "initContainerStatuses": [status(n, s) for n, s in initial.items()],
+                "containerStatuses": [status(n, s) for n, s in states.items()],
+                **more,
+            },
+        }
+    )
+
+
+def action(rules: list[dict[str, Any]], codes: dict[str, int], initialized: bool) -> str:
+    """The action that Kubernetes takes for a failed pod, by its documented rules."""
+    for rule in rules:
+        if "onPodConditions" in rule:
+            wanted = {(c["type"], c.get("status", "True")) for c in rule["onPodConditions"]}
+            if wanted & {("Initialized", str(initialized))}:
+                return str(rule["action"])
+            continue
+        on = rule["onExitCodes"]
+        for name, code in codes.items():
+            mine = on.get("containerName") in (None, name)
+            if mine and code and (code in on["values"]) == (on["operator"] == "In"):
+                return str(rule["action"])
+    return "Count"
+
+
+def rules_of(job: dict[str, Any]) -> list[dict[str, Any]]:
+    return list(job["spec"]["podFailurePolicy"]["rules"])
+
+
+CODES = st.sampled_from([0, 1, 2, 10, 11, 64, 65, 73, 74, 75, 76, 77, 78, 137, 143, 255])
+OTHERS = st.dictionaries(st.sampled_from(["istio-proxy", "linkerd", "vault"]), CODES, max_size=3)
+
+
+def shard_of_campaign() -> tuple[Revision, ShardPlan]:
+    made = accepted()
+    revision = next_revision(made, (), (), made.identity.child("plan-0"))
+    assert revision is not None
+    return revision, first_attempts(made.identity, [revision])[0]
+
+
+def shard_rules() -> list[dict[str, Any]]:
+    return rules_of(shard_job(accepted(), SETTINGS, shard_of_campaign()[1]))
+
+
+@given(CODES, OTHERS)
+def test_no_exit_code_of_an_added_container_decides_anything(
+    agent: int, others: dict[str, int]
+) -> None:
+    rules = shard_rules()
+    alone = action(rules, {"agent": agent}, initialized=True)
+    assert action(rules, {**others, "agent": agent}, initialized=True) == alone
+    assert action(rules, {"agent": agent, **others}, initialized=True) == alone
+
+
+@pytest.mark.parametrize("agent", [0, 10, 11])
+def test_no_stored_run_is_repeated(agent: int) -> None:
+    codes = {"agent": agent, "istio-proxy": 1}
+    assert action(shard_rules(), codes, initialized=True) == "FailIndex"
+
+
+def test_runs_that_never_started_are_tried_again() -> None:
+    assert action(shard_rules(), {"istio-init": 1}, initialized=False) == "Count"
+
+
+@pytest.mark.parametrize("command", ["compose", "propose", "finish", "process", "purge"])
+@given(code=CODES, others=OTHERS)
+def test_no_task_is_repeated_for_an_added_container(
+    command: str, code: int, others: dict[str, int]
+) -> None:
+    rules = rules_of(task_job(accepted(), SETTINGS, command, command, "plan-0"))
+    alone = action(rules, {command: code}, initialized=True)
+    assert action(rules, {**others, command: code}, initialized=True) == alone
+    assert code or alone == "FailJob"
+
+
+def test_a_pod_names_the_containers_that_were_asked_for() -> None:
+    named = naming_containers(task_job(accepted(), SETTINGS, "finish", "f", "plan-0"))
+    template = named["spec"]["template"]
+    template["spec"]["containers"].append({"name": "istio-proxy"})
+    template["spec"].setdefault("initContainers", []).append({"name": "istio-init"})
+    assert foreign_names(template) == ["istio-init", "istio-proxy"]
+
+
+MESH = st.dictionaries(
+    st.sampled_from(["istio-proxy", "linkerd-proxy", "vault-agent"]),
+    st.sampled_from([running(), ended(0), ended(1)]),
+    min_size=1,
+)
+
+
+@given(st.sampled_from([0, 10, 11, 74, 75, 137]), MESH)
+def test_a_pod_ends_after_our_container(code: int, mesh: dict[str, Any]) -> None:
+    found = pod("Running", {"agent": ended(code), "robovast": ended(0), **mesh})
+    alive = any("running" in state for state in mesh.values())
+    assert is_to_be_ended(found, NOW + timedelta(seconds=11)) is alive
+    assert not is_to_be_ended(found, NOW + timedelta(seconds=5))
+    found["spec"]["activeDeadlineSeconds"] = 1
+    assert not is_to_be_ended(found, NOW + timedelta(seconds=11))
+
+
+@given(MESH)
+def test_no_pod_ends_before_our_container(mesh: dict[str, Any]) -> None:
+    found = pod("Running", {"agent": running(), "robovast": running(), **mesh})
+    assert not is_to_be_ended(found, NOW + timedelta(days=1))
+    assert may_store(found, NOW)
+
+
+def test_an_agent_may_store_while_an_added_container_waits_for_its_image() -> None:
+    waits = {"waiting": {"reason": "ImagePullBackOff"}}
+    assert may_store(pod("Pending", {"agent": running(), "istio-proxy": waits}), NOW)
+
+
+def test_a_pod_of_ours_alone_is_never_ended() -> None:
+    found = pod("Running", {"agent": ended(0), "robovast": running()})
+    assert not is_to_be_ended(found, NOW + timedelta(days=1))
+
+
+def test_an_ended_pod_is_no_mishap() -> None:
+    states = {"agent": ended(0, message=PASSED), "robovast": ended(0), "istio-proxy": ended(137)}
+    found = pod("Failed", states, reason="DeadlineExceeded", message="active too long")
+    assert Verdicts.read(PASSED) is not None
+    assert list(troubles_of(found)) == []
+    assert mishaps_of([found]) == []
+    assert reports_of([found])[0].stored
+
+
+@pytest.mark.parametrize(
+    "initial",
+    [
+        {"istio-init": ended(1)},
+        {"istio-init": running()},
+        {"istio-init": {"waiting": {"reason": "ImagePullBackOff"}}},
+    ],
+)
+def test_a_stall_names_the_container_that_blocks(initial: dict[str, Any]) -> None:
+    starts = {"waiting": {"reason": "PodInitializing"}}
+    told = list(troubles_of(pod("Pending", {"agent": starts}, initial)))
+    assert [trouble.reason for trouble in told] == ["ForeignContainer"]
+    assert "istio-init" in told[0].message
+    assert "not part of the campaign" in told[0].message
+
+
+class FakeApi:
+    """Lists pods and takes patches."""
+
+    def __init__(self, pods: list[Any]) -> None:
+        self.pods = pods
+        self.patched: list[str] = []
+
+    async def list(self, path: str, **parameters: str) -> AsyncIterator[Any]:
+        for found in self.pods[: int(parameters.get("limit", 1000))]:
+            yield found
+
+    async def patch(self, path: str, patch: Any) -> None:
+        assert patch == {"spec": {"activeDeadlineSeconds": 1}}
+        self.patched.append(path.rpartition("/")[2])
+
+
+def judged(api: FakeApi, job: JobState) -> tuple[JobState, PodsCache]:
+    known = PodsCache()
+    found = asyncio.run(OwnPods(api).judge({job.name: job}, known))  # type: ignore[arg-type]
+    return found[job.name], known
+
+
+def job(role: str = "shard", size: int = 4, **more: Any) -> JobState:
+    return replace(FakeJob("drive-0", role, size, size).state(), **{"ready": 0, **more})
+
+
+@given(st.lists(st.sampled_from(["starts", "runs", "stored"]), min_size=1, max_size=8))
+def test_counts_are_those_of_our_containers(kinds: list[str]) -> None:
+    starts = {"waiting": {"reason": "PodInitializing"}}
+    agents = {"starts": starts, "runs": running(), "stored": ended(0, message=PASSED)}
+    pods = [
+        pod("Running", {"agent": agents[kind], "robovast": running(), "mesh": running()}, index=n)
+        for n, kind in enumerate(kinds)
+    ]
+    api = FakeApi(pods)
+    found, known = judged(api, job(size=len(kinds)))
+    assert (found.active, found.ready) == (
+        len(kinds) - kinds.count("stored"),
+        kinds.count("runs"),
+    )
+    stored = [n for n, kind in enumerate(kinds) if kind == "stored"]
+    assert sorted(known.judged["uid-drive-0"].reports) == stored
+    assert api.patched == [f"drive-0-{n}" for n in stored]
+
+
+def test_a_stored_run_counts_while_its_pod_stays() -> None:
+    revision, shard = shard_of_campaign()
+    runs = ShardRuns(revision.plan, shard, GroupSizes.parse(""))
+    states = {"agent": ended(0, message=PASSED), "robovast": ended(0), "mesh": running()}
+    reports = reports_of([pod("Running", states)])
+    open_job = job(size=shard.size)
+    assert tally_of(runs, open_job, reports).passed == 1
+    for told in ({"completed": "0"}, {"failed": "0"}):
+        assert tally_of(runs, replace(open_job, **told), reports).passed == 1
+
+
+@pytest.mark.parametrize("role", ["compose", "propose", "finish", "process", "purge", "share"])
+def test_a_task_is_complete_when_our_container_has_ended_well(role: str) -> None:
+    own = (role,)
+    done = pod("Running", {role: ended(0, now()), "mesh": running()}, own=own)
+    found, _ = judged(FakeApi([done]), job(role, 1))
+    assert found.finished == "Complete"
+    lost = job(role, 1, finished="Failed", reason="PodFailurePolicy", active=0)
+    ended_pod = pod("Failed", {role: ended(0), "mesh": ended(137)}, own=own)
+    assert judged(FakeApi([ended_pod]), lost)[0].finished == "Complete"
+    bad = pod("Failed", {role: ended(65), "mesh": ended(0)}, own=own)
+    assert judged(FakeApi([bad]), lost)[0].finished == "Failed"
+
+
+def test_jobs_without_added_containers_cost_one_small_request() -> None:
+    pods = [pod("Running", {"agent": ended(0), "robovast": running()}, index=n) for n in range(3)]
+    before = job()
+    found, known = judged(FakeApi(pods), before)
+    assert found == before
+    assert not known.judged[before.uid].foreign
