@@ -202,12 +202,26 @@ class Reconciler:
                 return
             accepted = composed
         if isinstance(accepted, Rejected):
-            await self._statuses.rejected(obj, accepted)
+            await self._reject(obj, accepted, memory, jobs)
             if accepted.reason in UNWATCHED:
                 later = min(300.0, max(10.0, memory.pods.motion.still_for() / 2))
                 self._queue.add((obj["metadata"]["namespace"], obj["metadata"]["name"]), later)
             return
         await self._execute(obj, accepted, memory, jobs)
+
+    async def _reject(
+        self, obj: Object, why: Rejected, memory: Memory, jobs: dict[str, JobState]
+    ) -> None:
+        """Report why a Campaign is rejected, and how the runs are that were planned earlier."""
+        planned = await self._inputs.as_planned(obj, memory.inputs) if jobs else None
+        if planned is None:
+            await self._statuses.rejected(obj, why)
+            return
+        snapshot = await self._look(obj, *planned, memory, jobs)
+        seen = tell(snapshot, ())
+        await self._statuses.rejected(obj, why, seen, runs_continue=bool(snapshot.open))
+        if snapshot.pods.again is not None:
+            self._queue.add(Identity.of(obj).key, snapshot.pods.again)
 
     async def _execute(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
@@ -217,7 +231,7 @@ class Reconciler:
         additions = await self._inputs.additions(obj, accepted, known)
         revisions = await self._inputs.revisions(accepted, additions, known)
         if not self._inputs.is_as_planned(obj, accepted, revisions[0], known):
-            await self._statuses.rejected(obj, DOCUMENT_CHANGED)
+            await self._reject(obj, DOCUMENT_CHANGED, memory, jobs)
             return
         async with self._turns.of(accepted.identity.namespace):
             snapshot = await self._look(obj, accepted, revisions, memory, jobs)

@@ -11,9 +11,11 @@ from robovast_cli.kube.api import Json
 
 
 def is_live(pod: Json) -> bool:
-    """Whether a pod is there to execute its runs."""
+    """Whether a pod exists to execute its runs: not if only containers of others still run."""
     going = pod["metadata"].get("deletionTimestamp")
-    return not going and (pod.get("status") or {}).get("phase") in (None, "Pending", "Running")
+    alive = (pod.get("status") or {}).get("phase") in (None, "Pending", "Running")
+    agents = (s.get("state") or {} for s in _statuses(pod) if s["name"] == AGENT)
+    return not going and alive and not any("terminated" in state for state in agents)
 
 
 def has_begun(pod: Json, container: str) -> bool:
@@ -51,7 +53,7 @@ def check_container(pod: Json, name: str) -> None:
 def waiting_reason(pod: Json) -> str:
     """Why the runs of a pod have not begun, as Kubernetes says."""
     name = pod["metadata"]["name"]
-    return f"its pod {name} {next(_reasons(pod), 'is just starting')}"
+    return f"its pod {name} {next(_reasons(pod), 'is starting')}"
 
 
 def running_since(pod: Json, container: str) -> str:

@@ -69,7 +69,7 @@ class CampaignState:
     @property
     def finished(self) -> bool:
         """True when nothing more will happen by itself."""
-        return self.is_current and (self.rejected or self.status.state in {"Finished", "Failed"})
+        return self.is_current and self.status.state in {"Finished", "Failed", "Rejected"}
 
     @property
     def complete(self) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from robovast.base.errors import InputError
+from robovast.base.yaml_files import parse_yaml
 from robovast.kubeapi.resources import CampaignSpec, Source
 from robovast.kubeapi.source_files import Files, config_map_files, inline_files
 from robovast.model.packs import CampaignPlan, Entry
@@ -152,6 +153,20 @@ class Inputs:
         # an older version has named it
         owner = plan.owner if bucket == plan.bucket else None
         return accepted, plan.model_copy(update={"bucket": bucket, "owner": owner})
+
+    async def as_planned(
+        self, obj: Object, known: InputsCache
+    ) -> tuple[Accepted, Sequence[Revision]] | None:
+        """A Campaign with the document that was planned; None if no run was planned.
+
+        Its runs continue, whatever its spec says since then.
+        """
+        revisions = await self._load_revisions(Identity.of(obj), known)
+        if not revisions:
+            return None
+        spec = {**obj["spec"], "vast": parse_yaml(revisions[0].document)}
+        found = await asyncio.to_thread(accept, {**obj, "spec": spec}, None, self._settings)
+        return None if isinstance(found, Rejected) else (found, revisions)
 
     async def _source(self, obj: Object) -> Object | Rejected | None:
         """The ConfigMap with the input files: our copy, or the original if not copied yet."""

@@ -67,16 +67,33 @@ class Statuses:
         self._written: dict[str, float] = {}
         """By uid of a Campaign, when its status was last written; forgotten after a pause."""
 
-    async def rejected(self, obj: Object, rejected: Rejected) -> None:
-        """Write the status of a Campaign that cannot be executed as it is."""
+    async def rejected(
+        self,
+        obj: Object,
+        rejected: Rejected,
+        seen: CampaignStatus | None = None,
+        *,
+        runs_continue: bool = False,
+    ) -> None:
+        """Write the status of a Campaign that cannot be executed as it is.
+
+        Args:
+            obj: the Campaign.
+            rejected: why.
+            seen: its status apart from that, if runs were planned earlier.
+            runs_continue: whether any of these runs are not finished.
+        """
         old = read_status(CampaignStatus, obj.get("status"))
-        found = rejected_conditions(rejected.reason, rejected.message)
+        now_seen = seen or old
+        found = rejected_conditions(
+            rejected.reason, rejected.message, now_seen.conditions if runs_continue else ()
+        )
         update = {
             "observed_generation": obj["metadata"]["generation"],
-            "state": "Rejected",
+            "state": now_seen.state if runs_continue else "Rejected",
             "conditions": _dated(obj, found, old),
         }
-        await self.write(obj, old.model_copy(update=update))
+        await self.write(obj, now_seen.model_copy(update=update))
         await self.waiting(Identity.of(obj).key, NOT_ACCEPTED)
 
     async def composing(self, obj: Object, accepted: Accepted, trouble: Trouble | None) -> None:

@@ -217,7 +217,7 @@ DOCUMENT_CHANGED = Rejected(
     "DocumentChanged",
     "spec.vast has changed after its runs were planned; only `execution.runs` may, or its `max`, "
     "and `budget` and `stopping` of a search. Undo the change, or create another Campaign for it. "
-    "What runs already goes on.",
+    "The planned runs continue.",
 )
 
 

@@ -198,13 +198,18 @@ def _waiting_message(pod: Object, container: Object, waiting: Object) -> str:
         image = (
             f"the image {assets} of `execution.kubernetes.assets`"
             if assets
-            else f"the image {container.get('image', '')} of the container {name}"
+            else f"{_whose(name)} {container.get('image', '')}"
         )
         return (
             f"{image} cannot be pulled ({waiting['reason']}): {told.rstrip('. ')}. Check its name, "
             "and `spec.scheduling.imagePullSecrets` for a private one."
         )
     return f"the container {name} cannot start ({waiting['reason']}): {told}"
+
+
+def _whose(container: str) -> str:
+    """Whose image the image of a container is, for people."""
+    return f"the image of {'RoboVAST' if container in OWN - {'compat-version'} else 'the runs'}"
 
 
 def _mounted_images(pod: Object) -> Iterator[str]:

@@ -33,18 +33,29 @@ def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
     return dated(found, snapshot.generation, moment, snapshot.status.conditions)
 
 
-def rejected_conditions(reason: str, message: str) -> list[Found]:
-    """All conditions of a campaign that cannot be executed as it is."""
-    rest: list[Found] = [
-        (name, "Unknown", "NotAccepted", "") for name in ("QuotaReserved", "Succeeded", "Passed")
-    ]
-    return [
+def rejected_conditions(reason: str, message: str, before: Iterable[Condition] = ()) -> list[Found]:
+    """All conditions of a campaign that cannot be executed as it is.
+
+    Args:
+        reason: CamelCase reason.
+        message: for people.
+        before: conditions of the runs that were planned earlier and continue.
+    """
+    told: list[Found] = [
         ("Accepted", "False", reason, message),
-        ("Reconciling", "False", "NotAccepted", ""),
         ("Stalled", "True", reason, message),
-        ("ResultsAvailable", "False", "NotAccepted", ""),
-        *rest,
     ]
+    kept: list[Found] = [
+        (c.type, c.status, c.reason, c.message)
+        for c in before
+        if c.type not in {"Accepted", "Stalled"}
+    ]
+    unknown = ("QuotaReserved", "Succeeded", "Passed")
+    rest: list[Found] = [
+        *((name, "False", "NotAccepted", "") for name in ("Reconciling", "ResultsAvailable")),
+        *((name, "Unknown", "NotAccepted", "") for name in unknown),
+    ]
+    return [*told, *(kept or rest)]
 
 
 def composing_conditions(trouble: Trouble | None) -> list[Found]:
@@ -112,7 +123,7 @@ def _quota(snapshot: Snapshot) -> Found:
     if held is not None:
         return ("QuotaReserved", "False", held.reason, held.message)
     if queue is None:
-        return ("QuotaReserved", "True", "NoQueue", "spec.queueName names no queue")
+        return ("QuotaReserved", "True", "NoQueue", "No queue is used.")
     message = f"admitted by the queue {queue}"
     return ("QuotaReserved", "True", "Admitted", message)
 

@@ -64,7 +64,17 @@ def test_what_hinders_a_campaign_is_told_once() -> None:
         condition("Succeeded", "Unknown", "it runs"),
     ]
     assert campaign(conditions=conditions[2:]).messages == ["the queue is full"]
-    assert campaign(conditions=conditions).messages == ["the document is wrong"]
+    rejected = campaign(state="Rejected", conditions=conditions)
+    assert rejected.messages == ["the document is wrong"]
+    assert rejected.finished
+
+
+def test_a_rejected_edit_does_not_end_a_campaign_whose_runs_continue() -> None:
+    conditions = [condition("Accepted", "False", "spec.vast has changed")]
+    found = campaign(runs={"passed": 3, "active": 2}, conditions=conditions)
+    assert not found.finished
+    assert found.pods() == ["2 running"]
+    assert "spec.vast has changed" in found.messages
 
 
 def test_the_time_left_follows_from_the_pace() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robovast.base.errors import InputError
-from robovast_cli.kube.pods import has_begun, is_prepared, waiting_reason
+from robovast_cli.kube.pods import has_begun, is_live, is_prepared, waiting_reason
 from robovast_cli.kube.runs import CampaignRuns
 from robovast_cli.kube.store import StorePlace
 
@@ -82,3 +82,12 @@ def test_of_a_campaign_that_was_removed_nothing_but_runs_is_looked_for(run: str)
         with pytest.raises(InputError, match="is no run: each has the name of its folder"):
             runs.executor(run)
         assert runs.executor("hall-1/0") is None
+
+
+@pytest.mark.parametrize("phase", ["Pending", "Running"])
+def test_a_pod_whose_agent_has_ended_executes_no_run(phase: str) -> None:
+    found = pod(False, DONE, DONE, compat_version=DONE, istio_proxy=RUNNING)
+    found["status"]["phase"] = phase
+    assert not is_live(found)
+    found["status"]["containerStatuses"][0]["state"] = RUNNING
+    assert is_live(found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robovast.kubeapi.status import CampaignStatus, Runs
+from robovast.kubeapi.status import CampaignStatus, Condition, Runs
 from robovast_operator.kube.conditions import dated
 from robovast_operator.status.conditions import is_news, rejected_conditions
 
@@ -27,3 +27,17 @@ def test_no_condition_says_who_a_url_names() -> None:
     found = rejected_conditions("Invalid", "https://bot:ghp_1@git.org/a@b: none")
     told = dated(found, 1, "2026-01-01T00:00:00Z", ())
     assert told[0].message == "https://git.org/a@b: none"
+
+
+def test_a_rejected_edit_keeps_the_conditions_of_runs_that_continue() -> None:
+    before = [
+        Condition(type=kind, status="True", reason="Running", message="3 of 20 runs")
+        for kind in ("Accepted", "Reconciling", "Stalled", "QuotaReserved")
+    ]
+    found = {
+        kind: (status, why) for kind, status, why, _ in rejected_conditions("Bad", "m", before)
+    }
+    assert found["Accepted"] == ("False", "Bad")
+    assert found["Stalled"] == ("True", "Bad")
+    assert found["Reconciling"] == ("True", "Running")
+    assert found["QuotaReserved"] == ("True", "Running")

@@ -259,7 +259,7 @@ def test_pods_that_die_again_and_again_are_a_stall_though_others_start() -> None
     found = cause(*deaths, at_work=True, ready=1)
     assert found is not None
     assert (found.reason, found.repeated) == ("Evicted", True)
-    assert found.message.startswith("3 pods have died")
+    assert found.message.startswith("3 pods failed")
     assert cause(*deaths, at_work=True, active=100, ready=99) is None, "one of a hundred"
     old = [pod("Failed", told=EVICTED, minutes=minutes) for minutes in (60, 50, 40)]
     assert cause(*old, at_work=True, ready=1) is None, "the next one has lived for longer"
@@ -340,7 +340,7 @@ def test_an_image_of_assets_that_cannot_be_pulled_is_named_in_place_of_the_runs(
     assert trouble.message.startswith("the image lab/worlds:1 of `execution.kubernetes.assets`")
     found["spec"]["volumes"] = volumes[:1]
     (trouble,) = troubles_of(found)
-    assert trouble.message.startswith("the image runs:1 of the container robovast cannot")
+    assert trouble.message.startswith("the image of the runs runs:1 cannot")
 
 
 def test_a_pod_without_a_node_says_where_to_look() -> None:
