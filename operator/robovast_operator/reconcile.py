@@ -87,7 +87,8 @@ class Reconciler:
         self._witness = Witness(api, self._diagnosis)
         self._deliveries = Deliveries(api, self._diagnosis)
         notifier = Notifier(queue, settings)
-        self._statuses = Statuses(api, store, queue, settings, notifier, created)
+        put_off = metrics.put_off.inc
+        self._statuses = Statuses(api, store, queue, settings, notifier, created, put_off)
         self._job_maker = JobMaker(api, store, created)
         self._purge = Purge(api, settings, self._diagnosis, created)
         self._turns = Turns(settings.pod_limits)

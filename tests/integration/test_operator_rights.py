@@ -36,8 +36,11 @@ CAMPAIGNS = {
 }
 """Verbs where campaigns are executed."""
 
-LEASE = {("create", "leases.coordination.k8s.io", "")} | {
-    (verb, "leases.coordination.k8s.io", "robovast-operator") for verb in ("get", "update")
+LEASES = {("list", "leases.coordination.k8s.io", "robovast-operator")}
+"""In every namespace: Leases of other installations."""
+LEASE = LEASES | {
+    ("create", "leases.coordination.k8s.io", ""),
+    ("update", "leases.coordination.k8s.io", "robovast-operator"),
 }
 
 EVERYBODY = {
@@ -90,8 +93,10 @@ def narrow(fake_cluster: Cluster) -> Iterator[str]:
         fake_cluster.kubectl("create", "namespace", namespace)
     values = {"operator": {"namespaces": ["narrow-lab"]}, "crds": {"enabled": False}}
     objects = rendered(values, namespace=NARROW)
-    kinds = {"ServiceAccount", "Role", "RoleBinding"}
-    assert not any(obj["kind"].startswith("ClusterRole") for obj in objects)
+    kinds = {"ServiceAccount", "Role", "RoleBinding", "ClusterRole", "ClusterRoleBinding"}
+    (role,) = (obj for obj in objects if obj["kind"] == "ClusterRole")
+    (rule,) = role["rules"]
+    assert (rule["resourceNames"], rule["verbs"]) == (["robovast-operator"], ["list"])
     for obj in (obj for obj in objects if obj["kind"] in kinds):
         obj["metadata"].setdefault("namespace", NARROW)
         fake_cluster.apply(obj)
@@ -164,7 +169,7 @@ def campaign_rights() -> Rights:
 def test_an_operator_of_all_namespaces_may_do_what_it_needs_and_nothing_else(
     fake_cluster: Cluster,
 ) -> None:
-    assert rights(fake_cluster, ACCOUNT, "default") == campaign_rights() | EVERYBODY
+    assert rights(fake_cluster, ACCOUNT, "default") == campaign_rights() | EVERYBODY | LEASES
     assert rights(fake_cluster, ACCOUNT, SYSTEM) == campaign_rights() | EVERYBODY | LEASE
     for namespace in ("default", SYSTEM, "kube-system", ""):
         assert refused(fake_cluster, ACCOUNT, namespace) == list(NEVER)
@@ -173,8 +178,8 @@ def test_an_operator_of_all_namespaces_may_do_what_it_needs_and_nothing_else(
 def test_an_operator_of_one_namespace_may_do_nothing_elsewhere(
     fake_cluster: Cluster, narrow: str
 ) -> None:
-    assert rights(fake_cluster, NARROW_ACCOUNT, narrow) == campaign_rights() | EVERYBODY
+    assert rights(fake_cluster, NARROW_ACCOUNT, narrow) == campaign_rights() | EVERYBODY | LEASES
     assert rights(fake_cluster, NARROW_ACCOUNT, NARROW) == EVERYBODY | LEASE
-    assert rights(fake_cluster, NARROW_ACCOUNT, "default") == EVERYBODY
+    assert rights(fake_cluster, NARROW_ACCOUNT, "default") == EVERYBODY | LEASES
     for namespace in (narrow, NARROW, "default", ""):
         assert refused(fake_cluster, NARROW_ACCOUNT, namespace) == list(NEVER)

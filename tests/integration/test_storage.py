@@ -405,4 +405,4 @@ def test_keys_of_another_server_are_named_with_the_secret_that_has_them(
     keys = Credentials("another-server", "secret-of-another-server")
     store = ObjectStore(Endpoint.parse(f"http://{s3_server.endpoint}"), keys, patience=1)
     with pytest.raises(StorageError, match=r"keys are those of another server.*robovast-storage"):
-        store.put_bytes(bucket, "key", b"content")
+        list(store.objects(bucket))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 
 from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import (
@@ -45,6 +45,10 @@ from robovast_operator.status.conditions import (
     rejected_conditions,
 )
 
+WINDOW = 60.0
+MOST_WRITES = 60
+"""Most writes of one Campaign's status within `WINDOW` [s], whatever changes in it."""
+
 
 class Statuses:
     """Writes changed statuses, at a limited rate."""
@@ -57,15 +61,27 @@ class Statuses:
         settings: Settings,
         notifier: Notifier,
         jobs: Jobs,
+        put_off: Callable[[], None],
     ) -> None:
+        """
+        Args:
+            api: the API server.
+            store: the known objects.
+            queue: where a campaign whose write is put off is added again.
+            settings: of the installation.
+            notifier: decides which notices are sent.
+            jobs: creates the Jobs that send them.
+            put_off: is called when a changed condition has to wait.
+        """
         self._api = api
         self._jobs = jobs
         self._store = store
         self._queue = queue
         self._pause = settings.status_seconds
         self._notifier = notifier
-        self._written: dict[str, float] = {}
-        """By uid of a Campaign, when its status was last written; forgotten after a pause."""
+        self._put_off = put_off
+        self._written: dict[str, deque[float]] = {}
+        """By uid of a Campaign, when its status was last written."""
 
     async def rejected(
         self,
@@ -145,8 +161,8 @@ class Statuses:
         if status == old:
             return True
         identity = Identity.of(obj)
-        wait = self._written.get(identity.uid, -math.inf) + self._pause - time.monotonic()
-        if wait > 0 and not is_news(old, status):
+        wait = self._wait(identity.uid, news=is_news(old, status))
+        if wait > 0:
             self._queue.add(identity.key, wait)
             return False
         if notice is not None:
@@ -161,12 +177,22 @@ class Statuses:
             "status": compact(status.model_dump(by_alias=True, exclude_none=True)),
         }
         written = await self._api.apply_status(path, body)
-        moment = time.monotonic()
-        late = {uid: at for uid, at in self._written.items() if at + self._pause > moment}
-        self._written = {**late, identity.uid: moment}
+        times = self._written.setdefault(identity.uid, deque(maxlen=MOST_WRITES))
+        times.append(time.monotonic())
         if written is not None:
             self._store.put_campaign(written)
         return True
+
+    def _wait(self, uid: str, *, news: bool) -> float:
+        """How long a write of a Campaign's status must wait [s]."""
+        moment = time.monotonic()
+        kept = {u: times for u, times in self._written.items() if times[-1] > moment - WINDOW}
+        self._written, times = kept, kept.get(uid, deque())
+        limited = times[0] + WINDOW - moment if len(times) == MOST_WRITES else 0.0
+        if news and limited > 0:
+            self._put_off()
+        pause = times[-1] + self._pause - moment if times and not news else 0.0
+        return max(limited, pause)
 
     async def configurations(
         self,

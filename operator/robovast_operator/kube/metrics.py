@@ -107,6 +107,16 @@ class Metrics:
             registry=self._registry,
         )
         self._leader = Gauge("robovast_leader", "1 for the leader.", registry=self._registry)
+        self._blocked = Gauge(
+            "robovast_operator_blocked",
+            "1 if another installation works in the namespaces of this one.",
+            registry=self._registry,
+        )
+        self.put_off = Counter(
+            "robovast_status_writes_put_off",
+            "Status writes of Campaigns that were put off because their status changes too often.",
+            registry=self._registry,
+        )
         self._last_event = time.monotonic()
 
     def request(self, verb: str, path: str, code: int) -> None:
@@ -124,11 +134,14 @@ class Metrics:
         """Record that a watch event arrived."""
         self._last_event = time.monotonic()
 
-    def page(self, store: Store, queue: WorkQueue, *, leading: bool) -> bytes:
+    def page(
+        self, store: Store, queue: WorkQueue, *, leading: bool, blocked: bool = False
+    ) -> bytes:
         """The metrics in Prometheus' text format."""
         self._queue.set(len(queue))
         self._failing.set(queue.failing(MANY_FAILURES))
         self._leader.set(int(leading))
+        self._blocked.set(int(blocked))
         self._event_age.set(time.monotonic() - self._last_event)
         self._objects.labels("Campaign").set(len(store.campaigns))
         self._objects.labels("Configuration").set(len(store.configurations))

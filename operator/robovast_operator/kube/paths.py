@@ -93,8 +93,8 @@ def pending_workloads(version: str, namespace: str, queue: str) -> str:
     return f"{queues}/{queue}/pendingworkloads"
 
 
-def leases(namespace: str) -> str:
-    """Leases of a namespace."""
+def leases(namespace: str | None = None) -> str:
+    """Leases of a namespace, or of all."""
     return f"/apis/coordination.k8s.io/v1{_in(namespace)}/leases"
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import copy
+import random
+from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from typing import Any
 
@@ -17,26 +19,51 @@ from robovast_operator.kube.lease import Leadership
 
 
 class Server:
-    """Keeps a Lease; away, it answers nothing."""
+    """Keeps Leases by namespace; away, it answers nothing."""
 
-    def __init__(self) -> None:
-        self.lease: Any = None
+    def __init__(self, delay: Callable[[], float] = lambda: 0.0) -> None:
+        self.leases: dict[str, Any] = {}
         self.away = False
+        self._delay = delay
 
-    async def get(self, path: str) -> Any:
+    @property
+    def lease(self) -> Any:
+        return self.leases[OWN]
+
+    async def list(self, path: str, **_: str) -> AsyncIterator[Any]:
+        await asyncio.sleep(self._delay())
         if self.away:
             raise ApiError(0, "Unreachable", path)
-        if self.lease is None:
-            raise ApiError(404, "NotFound", path)
-        return copy.deepcopy(self.lease)
+        found = [copy.deepcopy(lease) for lease in self.leases.values()]
+        await asyncio.sleep(self._delay())
+        for lease in found:
+            yield lease
 
     async def create(self, path: str, obj: Any) -> Any:
-        return await self.update(path, obj)
+        await asyncio.sleep(self._delay())
+        if space_of(path) in self.leases:
+            return None
+        return self._put(path, obj)
 
     async def update(self, path: str, obj: Any) -> Any:
-        del path
-        self.lease = obj
+        await asyncio.sleep(self._delay())
+        known = self.leases[space_of(path)]["metadata"].get("resourceVersion")
+        if known != obj["metadata"].get("resourceVersion"):
+            raise ApiError(409, "Conflict", path)
+        return self._put(path, obj)
+
+    def _put(self, path: str, obj: Any) -> Any:
+        version = str(int(obj["metadata"].get("resourceVersion", "0")) + 1)
+        obj["metadata"] = {**obj["metadata"], "resourceVersion": version}
+        self.leases[space_of(path)] = copy.deepcopy(obj)
         return obj
+
+
+OWN = SETTINGS.lease_namespace
+
+
+def space_of(path: str) -> str:
+    return path.partition("/namespaces/")[2].partition("/")[0]
 
 
 def test_a_term_ends_when_another_replica_leads_and_not_when_a_renewal_is_late() -> None:
@@ -81,7 +108,7 @@ def test_whatever_stands_in_the_lease_somebody_leads(
     """Anybody who may write it may have: it is waited for no longer than five minutes."""
     monkeypatch.setattr(lease_module, "LONGEST", 0.5)
     server: Any = Server()
-    server.lease = {"spec": spec}
+    server.leases[OWN] = {"metadata": {"namespace": OWN, "name": "robovast-operator"}, "spec": spec}
     leadership = Leadership(server, replace(SETTINGS, lease_seconds=0.3))
 
     async def lead() -> None:
@@ -93,3 +120,96 @@ def test_whatever_stands_in_the_lease_somebody_leads(
     asyncio.run(asyncio.wait_for(lead(), PATIENCE))
     assert server.lease["spec"]["holderIdentity"] is None
     assert server.lease["spec"]["leaseTransitions"] < 2**31
+
+
+INSTALLATIONS = {
+    "all": (),
+    "all-too": (),
+    "a": ("x", "y"),
+    "b": ("y", "z"),
+    "c": ("z",),
+    "d": ("w",),
+}
+"""Watched namespaces by namespace of the installation; none means all."""
+
+
+def overlaps(one: str, other: str) -> bool:
+    mine, others = set(INSTALLATIONS[one]), set(INSTALLATIONS[other])
+    return not mine or not others or bool(mine & others)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_of_installations_with_a_common_namespace_one_leads_until_it_ends(seed: int) -> None:
+    """They start and end in any order, with or without releasing the Lease."""
+    chance = random.Random(seed)  # noqa: S311
+    server: Any = Server(lambda: chance.uniform(0, 0.02))
+    spaces = chance.sample(list(INSTALLATIONS), 4)
+    found = {
+        space: Leadership(
+            server,
+            replace(
+                SETTINGS,
+                lease_namespace=space,
+                identity=f"pod-{space}",
+                namespaces=INSTALLATIONS[space],
+                lease_seconds=0.6,
+            ),
+        )
+        for space in spaces
+    }
+
+    def leaders() -> set[str]:
+        return {space for space, one in found.items() if one.leading}
+
+    def settled(running: set[str]) -> bool:
+        """Whether each installation leads, or is blocked by one that leads."""
+        now = leaders()
+        return bool(now) and all(
+            s in now or (found[s].rival and any(overlaps(s, o) for o in now)) for s in running
+        )
+
+    async def check(seconds: float) -> None:
+        end = asyncio.get_running_loop().time() + seconds
+        while asyncio.get_running_loop().time() < end:
+            now = leaders()
+            both = [(o, p) for o in now for p in now if o < p and overlaps(o, p)]
+            assert not both, both
+            await asyncio.sleep(0.005)
+
+    async def play() -> None:
+        tasks = {}
+        for space in spaces:
+            tasks[space] = asyncio.create_task(found[space].keep())
+            await check(chance.choice([0, 0.05, 0.5]))
+        while tasks:
+            while not settled(set(tasks)):  # bounded by the wait below
+                await check(0.05)
+            now = leaders()
+            gone = chance.choice(sorted(now & set(tasks)) or sorted(tasks))
+            tasks.pop(gone).cancel()
+            if chance.random() < 0.5:
+                await found[gone].release()
+
+    asyncio.run(asyncio.wait_for(play(), PATIENCE))
+
+
+def test_a_replica_of_the_leading_installation_comes_before_another_installation() -> None:
+    server: Any = Server()
+    own = replace(SETTINGS, lease_seconds=0.5)
+    first, second = (Leadership(server, replace(own, identity=name)) for name in ("one", "two"))
+    other = Leadership(server, replace(own, lease_namespace="other", identity="three"))
+
+    async def hand_over() -> None:
+        keeping = asyncio.create_task(first.keep())
+        await first.wait()
+        others = [asyncio.create_task(one.keep()) for one in (second, other)]
+        await asyncio.sleep(0.5)
+        assert "default" in other.rival
+        keeping.cancel()
+        await first.release()
+        await asyncio.sleep(0.8)
+        assert (second.leading, other.leading) == (True, False)
+        for task in others:
+            task.cancel()
+
+    asyncio.run(asyncio.wait_for(hand_over(), PATIENCE))
