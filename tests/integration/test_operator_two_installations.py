@@ -104,8 +104,13 @@ def test_helm_refuses_a_second_installation_with_a_common_namespace(
     }
     fake_cluster.kubectl("apply", "-f", "-", stdin=json.dumps(deployment))
     values = {"operator": {"namespaces": own}, "crds": {"enabled": False}}
-    if refused:
-        with pytest.raises(ValueError, match=f"in the namespace {namespace}, already works in"):
-            rendered(values, fake_cluster, "second-system")
-    else:
-        assert rendered(values, fake_cluster, "second-system")
+    try:
+        if refused:
+            with pytest.raises(ValueError, match=f"in the namespace {namespace}, already works in"):
+                rendered(values, fake_cluster, "second-system")
+        else:
+            assert rendered(values, fake_cluster, "second-system")
+    finally:  # charts of other tests look for it
+        fake_cluster.kubectl(
+            "delete", "deployment", "robovast-operator", f"--namespace={namespace}"
+        )
