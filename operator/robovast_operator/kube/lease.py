@@ -98,6 +98,8 @@ class Leadership:
 
     async def release(self) -> None:
         """Let another replica lead at once."""
+        if not self.leading:
+            return
         self._until = -inf
         await self._withdraw((await self._leases()).get(self._settings.lease_namespace))
 
