@@ -27,6 +27,10 @@ class Settings:
     """Namespaces to work in; none means all."""
     secret_names: tuple[str, ...] = ()
     """Secrets that Campaigns may name beside those with the prefix."""
+    pod_annotations: tuple[str, ...] = ()
+    """Annotations that a Campaign may set on its pods."""
+    pod_labels: tuple[str, ...] = ()
+    """Labels that a Campaign may set on its pods."""
     reuse_namespaces: tuple[str, ...] = ()
     """Namespaces whose Campaigns may reuse runs; `*` means all."""
     restricted_runs: bool = True
@@ -99,6 +103,8 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         region=environment.get("ROBOVAST_S3_REGION") or None,
         namespaces=names("ROBOVAST_NAMESPACES"),
         secret_names=names("ROBOVAST_SECRET_NAMES"),
+        pod_annotations=names("ROBOVAST_POD_ANNOTATIONS"),
+        pod_labels=names("ROBOVAST_POD_LABELS"),
         reuse_namespaces=names("ROBOVAST_REUSE_NAMESPACES"),
         restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
         pod_limits=_pod_limits(environment.get("ROBOVAST_POD_LIMITS") or "{}"),

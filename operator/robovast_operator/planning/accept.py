@@ -18,7 +18,7 @@ from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.configurations import variants_digest
 from robovast.kubeapi.amounts import check_amounts
 from robovast.kubeapi.pod_contract.messages import Composed
-from robovast.kubeapi.resources import CampaignSpec
+from robovast.kubeapi.resources import CampaignSpec, Scheduling
 from robovast.kubeapi.secret_names import refusal
 from robovast.kubeapi.source_files import Files, check_paths
 from robovast.model.document.loader import Document, check_source
@@ -33,6 +33,22 @@ from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.planning.pod_limits import most_pods
 from robovast_operator.settings import Settings
+
+
+def metadata_refusal(scheduling: Scheduling, settings: Settings) -> str:
+    """Return the refusal of pod annotations and labels that are not allowed; empty without any."""
+    for place, value, keys, allowed in (
+        ("podAnnotations", "annotations", scheduling.pod_annotations, settings.pod_annotations),
+        ("podLabels", "labels", scheduling.pod_labels, settings.pod_labels),
+    ):
+        refused = sorted(keys.keys() - set(allowed))
+        if refused:
+            return (
+                f"spec.scheduling.{place} may not set `{refused[0]}`. Allowed are: "
+                f"{', '.join(sorted(allowed)) or 'none'}. Your cluster administrator can allow "
+                f"further ones by the chart value `policies.podMetadata.{value}`."
+            )
+    return ""
 
 
 def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
@@ -50,6 +66,9 @@ def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | R
         refused = refusal(mounted, settings.secret_names)
         if refused:
             return Rejected("SecretNotAllowed", refused)
+        refused = metadata_refusal(spec.scheduling, settings)
+        if refused:
+            return Rejected("PodMetadataNotAllowed", refused)
         text = _document_text(spec, identity, files)
         if files is None:
             vast = _validate_alone(spec)

@@ -82,6 +82,14 @@ def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Objec
         job["metadata"]["labels"][PRIORITY_LABEL] = accepted.spec.queue_priority_class_name
     if shard.owner is not None:
         job["metadata"]["labels"][CONFIGURATION_LABEL] = shard.owner["uid"]
+    return _with_metadata(job, accepted.spec.scheduling)
+
+
+def _with_metadata(job: Object, scheduling: Scheduling) -> Object:
+    """Add the annotations and labels of a campaign's pods to a Job; ours take precedence."""
+    metadata = job["spec"]["template"]["metadata"]
+    metadata["labels"] = {**scheduling.pod_labels, **metadata["labels"]}
+    metadata["annotations"] = {**scheduling.pod_annotations, **metadata["annotations"]}
     return job
 
 
@@ -105,7 +113,7 @@ def task_job(
         ),
     }
     job["spec"]["template"]["spec"] = task_pod(accepted, settings, plan, command, sightings)
-    return job
+    return _with_metadata(job, accepted.spec.scheduling)
 
 
 def notify_job(
@@ -128,7 +136,7 @@ def notify_job(
         ),
     }
     job["spec"]["template"]["spec"] = notify_pod(settings, scheduling, order)
-    return job
+    return _with_metadata(job, scheduling)
 
 
 def upload_job(accepted: Accepted, settings: Settings, name: str, archive: str) -> Object:
@@ -155,7 +163,7 @@ def upload_job(accepted: Accepted, settings: Settings, name: str, archive: str) 
     job = _job(identity, name, SHARE_ROLE, {})
     job["spec"] |= job_spec()
     job["spec"]["template"]["spec"] = pod_spec(upload, spec.share.secret_name)
-    return job
+    return _with_metadata(job, accepted.spec.scheduling)
 
 
 def _job(identity: Identity, name: str, role: str, labels: dict[str, str]) -> Object:

@@ -234,6 +234,9 @@ class SecretReference(_Spec):
     """Its name."""
 
 
+LabelValue = Annotated[str, Field(pattern=r"^([A-Za-z0-9]([-A-Za-z0-9_.]{0,61}[A-Za-z0-9])?)?$")]
+
+
 class Scheduling(_Spec):
     """What may be said about pods; never a free patch of them."""
 
@@ -255,6 +258,10 @@ class Scheduling(_Spec):
         default_factory=list
     )
     """Secrets of the namespace that pull private images."""
+    pod_annotations: Annotated[dict[str, str], Field(max_length=20)] = Field(default_factory=dict)
+    """Annotations of the pods, from the list that an administrator allows."""
+    pod_labels: Annotated[dict[str, LabelValue], Field(max_length=20)] = Field(default_factory=dict)
+    """Labels of the pods, from the list that an administrator allows."""
 
 
 class SecretKey(SecretReference):

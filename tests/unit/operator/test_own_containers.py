@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from support.kube.fake_cluster import SETTINGS, FakeJob, accepted
+from support.kube.fake_cluster import SCENARIO, SETTINGS, FakeJob, accepted, campaign
 
 from robovast.kubeapi.pod_contract.messages import Verdicts
 from robovast.model.repetition import GroupSizes
@@ -20,7 +20,8 @@ from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import PodsCache
-from robovast_operator.planning.campaign import Revision
+from robovast_operator.planning.accept import accept
+from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan, first_attempts
 from robovast_operator.pods.jobs import shard_job, task_job
@@ -297,3 +298,35 @@ def test_jobs_without_added_containers_cost_one_small_request() -> None:
     found, known = judged(FakeApi(pods), before)
     assert found == before
     assert not known.judged[before.uid].foreign
+
+
+FILES = {"scenario.osc": SCENARIO.encode()}
+MESH_SETTINGS = replace(
+    SETTINGS, pod_annotations=("sidecar.istio.io/inject",), pod_labels=("team",)
+)
+KEYS = st.dictionaries(
+    st.sampled_from(["sidecar.istio.io/inject", "team", "robovast.io/role", "x.io/y"]),
+    st.sampled_from(["false", "robots"]),
+)
+
+
+@given(KEYS, KEYS)
+def test_pods_get_the_allowed_annotations_and_labels_and_no_others(
+    annotations: dict[str, str], labels: dict[str, str]
+) -> None:
+    obj = campaign(scheduling={"podAnnotations": annotations, "podLabels": labels})
+    made = accept(obj, FILES, MESH_SETTINGS)
+    if not (annotations.keys() <= {"sidecar.istio.io/inject"} and labels.keys() <= {"team"}):
+        assert isinstance(made, Rejected)
+        assert made.reason == "PodMetadataNotAllowed"
+        assert "policies.podMetadata." in made.message
+        return
+    assert isinstance(made, Accepted)
+    for found in (
+        task_job(made, MESH_SETTINGS, "finish", "f", "plan-0"),
+        shard_job(made, MESH_SETTINGS, shard_of_campaign()[1]),
+    ):
+        metadata = found["spec"]["template"]["metadata"]
+        assert annotations.items() <= metadata["annotations"].items()
+        assert labels.items() <= metadata["labels"].items()
+        assert metadata["labels"]["robovast.io/role"] in {"shard", "finish"}

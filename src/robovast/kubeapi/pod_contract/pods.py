@@ -63,7 +63,7 @@ def confined_pod(
             "seccompProfile": {"type": "RuntimeDefault"},
         },
     }
-    own = {"node_affinity", "topology_spread"}
+    own = {"node_affinity", "topology_spread", "pod_annotations", "pod_labels"}
     given = scheduling.model_dump(by_alias=True, exclude_none=True, exclude=own)
     given["nodeSelector"] = {**LINUX, **(node_labels or {}), **given["nodeSelector"]}
     given["affinity"] = _affinity(scheduling.node_affinity, architectures)
