@@ -22,7 +22,7 @@ CAMPAIGNS = {
     "configurations.robovast.io/status": "patch",
     "jobs.batch": "list watch create patch delete",
     "configmaps": "get list create delete",
-    "pods": "list",
+    "pods": "list patch",
     "persistentvolumeclaims": "get",
     "resourcequotas": "list",
     "limitranges": "list",
