@@ -15,6 +15,8 @@ from robovast.kubeapi.status import CampaignStatus, Condition, SearchStatus, rea
 
 NAMED = 10
 """Most campaigns that a message names."""
+OLD = 600.0
+"""Age from which the status of a campaign that is not finished is reported as old [s]."""
 _TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
 """Conditions, and their status, whose message a person wants to read."""
 
@@ -93,7 +95,32 @@ class CampaignState:
         found = (c for c in self.status.conditions if _TROUBLE.get(c.type) == c.status)
         waiting = (c for c in self.status.conditions if _waits(c))
         shown = [*found, *(() if self.finished else waiting)]
-        return list(dict.fromkeys(printable(c.message or c.reason) for c in shown))
+        told = [printable(c.message or c.reason) for c in shown]
+        if self.is_old(moment := now()):
+            minutes = (self.age(moment) or 0) // OLD * OLD / 60
+            told.append(
+                f"The status is more than {minutes:.0f} min old. If runs take less time, check "
+                "that the operator is running."
+            )
+        return list(dict.fromkeys(told))
+
+    def age(self, now: datetime) -> float | None:
+        """Time since its status was written [s]; None if unknown, or if nothing is expected."""
+        if self.finished or self.suspended or self.status.state == "Queued":
+            return None
+        meta = self.resource["metadata"]
+        writes = [
+            str(entry["time"])
+            for entry in meta.get("managedFields") or ()
+            if entry.get("subresource") == "status" and entry.get("time")
+        ]
+        written = _time(max(writes, default=meta.get("creationTimestamp")))
+        return None if written is None else max(0.0, (now - written).total_seconds())
+
+    def is_old(self, now: datetime) -> bool:
+        """True when its status is older than usual."""
+        age = self.age(now)
+        return age is not None and age >= OLD
 
     @property
     def exit_code(self) -> ExitCode:
@@ -159,7 +186,9 @@ class CampaignState:
         elapsed = self.elapsed(now)
         if elapsed is None or self.finished or self.suspended or not self.done:
             return None
-        if self.status.search is not None:  # nobody knows what it will still propose
+        if (
+            self.is_old(now) or self.status.search is not None
+        ):  # nobody knows what it will still propose
             return None
         return elapsed / self.done * (self.status.runs.needed - self.done)
 

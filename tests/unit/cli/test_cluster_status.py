@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
@@ -187,3 +187,22 @@ def test_of_many_campaigns_a_message_names_the_newest() -> None:
     assert "drive-11, and 2 older ones (`vast exec cluster monitor --once`)" in str(caught.value)
     with pytest.raises(InputError, match=r"it has drive-0, drive-1\.$"):
         find_campaign(known[:2], "hall", "lab")
+
+
+@pytest.mark.parametrize(("minutes", "old"), [(1, False), (9, False), (11, True), (600, True)])
+def test_an_old_status_gives_its_age_and_no_estimate(minutes: int, old: bool) -> None:
+    moment = datetime.now(UTC)
+    found = campaign(runs={"passed": 5}, startTime=(moment - timedelta(hours=11)).isoformat())
+    written = (moment - timedelta(minutes=minutes)).isoformat()
+    fields = [{"subresource": "status", "time": written}, {"time": moment.isoformat()}]
+    meta = {**found.resource["metadata"], "managedFields": fields}
+    found = CampaignState({**found.resource, "metadata": meta})
+    assert (found.left(moment) is None) is old
+    assert (
+        any(f"more than {minutes // 10 * 10} min old" in message for message in found.messages)
+        is old
+    )
+    finished = CampaignState(
+        {**found.resource, "status": {"observedGeneration": 2, "state": "Finished"}}
+    )
+    assert not finished.messages
