@@ -215,7 +215,10 @@ _TOO_MUCH = (
 
 
 def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) -> None:
-    sender.send("begun")
+    try:
+        sender.send("begun")
+    except BrokenPipeError:  # the call was stopped before it started
+        return
     os.nice(bounds.niceness)
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w") as file:
         file.write("1000")  # when the container has no room, it goes, and not the operator
@@ -232,5 +235,5 @@ def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) ->
     except Exception as error:
         answer = False, error
     resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    with contextlib.suppress(BrokenPipeError):  # whoever asked was killed
+    with contextlib.suppress(BrokenPipeError):  # the operator was killed
         sender.send(answer)
