@@ -242,9 +242,12 @@ def _load_rows(
     path = scratch / "records.csv"
     with path.open("w", encoding="utf-8", errors="replace", newline="") as file:
         file.write("," * (len(spelt) - 1) + "\n")  # names may have line breaks
-        for line in cells:
+        written = (
             file.write(",".join(_quoted_cell(line.get(name)) for name in spelt) + "\n")
-    stage(connection, [path], columns, quoted_is_text=True)
+            for line in cells
+        )
+        longest = max(written, default=0)
+    stage(connection, [path], columns, quoted_is_text=True, longest=longest)
     types = {spelt[name]: type_of([line.get(name) for line in cells]) for name in spelt}
     return append(
         connection, RECORDS, columns, {**types, **COLUMNS, **_as_text(texts, RECORDS, columns)}

@@ -6,7 +6,7 @@
 | quotes | `"`, doubled inside a quoted cell, which may have line breaks |
 | UTF-8, with or without byte order mark | invalid bytes are read as U+FFFD, with a message |
 | UTF-16, UTF-32 with byte order mark | without the mark they are refused |
-| comments | lines that begin with `#` and have fewer cells than the header; above the header also others, except a header that NumPy marked with `#`: as many cells as the next row, which has only numbers |
+| comments | lines that begin with `#` and have fewer cells than the header; above the header also others, except a header that begins with `#`: directly above a row of as many cells, at least one of them a number; the `#` is removed |
 | rows with fewer cells than the header | the missing cells are empty |
 | rows with more cells | the additional cells are left out, with a message |
 | header cells that are equal or empty | their columns get numbers |
@@ -36,6 +36,10 @@ KEYS = ("config", "run")
 LONGEST_LINE = 32 << 20
 """Longest line [characters]; a file of zeros is a single line."""
 _RESERVED = frozenset({"runs", "run_records", "loaded", "scenario_timestamps"})
+
+_CHUNK = 1 << 20
+"""Bytes of a file that are examined at once."""
+_SPACED_QUOTE = re.compile(rb'[,\n][ \t]+"|"[ \t]+[,\r\n]')
 
 _MARKS = {
     codecs.BOM_UTF32_LE: "utf-32",  # before UTF-16, whose mark it begins with
@@ -126,10 +130,35 @@ def _warn(message: str) -> None:
 
 
 def is_plain(path: Path) -> bool:
-    """Whether a file has the common form: UTF-8 without comments above the header."""
+    """Whether DuckDB reads the rows of a file as `csv_rows` does.
+
+    It does not if the header has a mark, a comment or a line break, or the file has blank lines,
+    other line ends than the header, or spaces next to the quotes of a cell.
+    """
     with open_file(path) as file:
-        head = file.read(4)
-    return not head.startswith((b"#", *_MARKS)) and b"\0" not in head
+        header = file.readline(_CHUNK)
+        end = b"\r\n" if header.endswith(b"\r\n") else b"\n"
+        if header.startswith((b"#", codecs.BOM_UTF8, *_MARKS)) or header.count(b'"') % 2:
+            return False
+        file.seek(0)
+        last = end
+        while chunk := file.read(_CHUNK):
+            chunk += file.readline(_CHUNK)  # line ends are not divided
+            if not _is_plain(last[-2:] + chunk, end):
+                return False
+            last = chunk
+    return True
+
+
+def _is_plain(text: bytes, end: bytes) -> bool:
+    breaks = text.count(b"\n")
+    return not (
+        b"\n" + end in text
+        or b"\0" in text
+        or text.count(b"\r") != (breaks if end == b"\r\n" else 0)
+        or text.count(end) != breaks
+        or (b'"' in text and _SPACED_QUOTE.search(text))
+    )
 
 
 def csv_rows(file: BinaryIO) -> Iterator[list[str]]:
@@ -179,23 +208,28 @@ def _encoding(file: BinaryIO) -> str:
 
 
 def _from_header(found: Iterator[str]) -> Iterator[str]:
-    """The lines without comments above the header."""
+    """The lines without comments and blank lines above the header."""
     comment = ""
     for line in found:
-        if not line.startswith("#"):
+        if not line.startswith(("#", "\r", "\n")):
             if comment and _is_header(comment, line):
-                yield comment
+                yield _uncommented(comment)
             yield line
             break
-        comment = line
+        comment = line.strip("\r\n") and line
     else:
-        yield comment
+        yield _uncommented(comment)
     yield from found
 
 
 def _is_header(comment: str, row: str) -> bool:
     cells = next(csv.reader([row]), [])
-    return len(cells) == len(next(csv.reader([comment]), [])) and all(map(_is_number, cells))
+    same = len(cells) == len(next(csv.reader([_uncommented(comment)]), []))
+    return same and any(map(_is_number, cells))
+
+
+def _uncommented(comment: str) -> str:
+    return comment.removeprefix("#").lstrip()
 
 
 def _is_number(cell: str) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from robovast.analysis.tables.csv_files import folded
 from robovast.analysis.tables.database import (
     RECORDS,
     VIEW,
@@ -18,7 +19,8 @@ from robovast.analysis.tables.database import (
     runs_query,
 )
 from robovast.analysis.tables.query_errors import ONLY_READS, explained
-from robovast.analysis.tables.staging import Types, literal, quoted, tables_of
+from robovast.analysis.tables.runs import FACTOR, PARAMETER
+from robovast.analysis.tables.staging import Column, Types, joint_type, literal, quoted, tables_of
 from robovast.analysis.tables.stored import StoredTables, raise_failure, reachable
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES
@@ -40,6 +42,14 @@ class Answer:
 
     columns: list[str]
     rows: list[tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Rows of one campaign."""
+
+    select: str
+    types: Types
 
 
 def ask(campaigns: Sequence[Path | StoredTables], sql: str, most: int | None = None) -> Answer:
@@ -120,7 +130,8 @@ def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConn
     places = [place for campaign in campaigns if (place := _place(campaign))]
     with closing(duckdb.connect()) as connection, reachable(connection, campaigns):
         confine(connection, files=[path for _, path in places])
-        members: dict[str, list[str]] = {}
+        members: dict[str, list[_Part]] = {}
+        names: dict[str, str] = {}
         for index, (campaign, path) in enumerate(places):
             alias = f"campaign_{index}"
             try:
@@ -133,15 +144,23 @@ def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConn
                     "postprocess --force` makes it again."
                 ) from error
             for table, part in parts.items():
-                members.setdefault(table, []).append(part)
+                name = names.setdefault(folded(table), table)
+                members.setdefault(name, []).append(part)
         if not members:
             raise InputError(
                 "there are no tables to ask: `vast results postprocess` makes them (with the extra "
                 "`query`)."
             )
-        for table, selects in members.items():  # columns may differ between campaigns
-            union = " UNION ALL BY NAME ".join(selects)
-            connection.execute(f"CREATE VIEW {quoted(table)} AS {union}")
+        try:
+            for table, united in members.items():
+                query = _union(connection, united, is_runs=table == VIEW)
+                connection.execute(f"CREATE VIEW {quoted(table)} AS {query}")
+        except duckdb.Error as error:
+            raise_failure(campaigns)
+            raise StorageError(
+                f"the tables of these campaigns cannot be read together: {first_line(error)}. "
+                "`vast results postprocess --force` makes them again."
+            ) from error
         yield connection
 
 
@@ -153,17 +172,48 @@ def _place(campaign: Path | StoredTables) -> tuple[str, str] | None:
     return (campaign.absolute().name, str(path)) if path.is_file() else None
 
 
-def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[str, str]:
+def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[str, _Part]:
     """Queries for a campaign's rows, by table."""
     found = tables_of(connection, alias)
     sources = {name: f"{alias}.{quoted(name)}" for name in found if name != RECORDS}
     if RECORDS in found:
         sources = {**sources, VIEW: f"({runs_query(connection, found, alias)})"}
     ordered = sorted(sources, key=lambda name: (name != VIEW, name))
-    selects = {
-        name: f"SELECT {literal(campaign)} AS campaign, * FROM {sources[name]}"  # noqa: S608
-        for name in ordered
+    return {name: _part(connection, campaign, sources[name]) for name in ordered}
+
+
+def _part(connection: DuckDBPyConnection, campaign: str, source: str) -> _Part:
+    select = f"SELECT {literal(campaign)} AS campaign, * FROM {source}"  # noqa: S608
+    described = connection.execute(f"DESCRIBE {select}").fetchall()
+    return _Part(select, {name: type_ for name, type_, *_ in described})
+
+
+def _union(connection: DuckDBPyConnection, parts: Sequence[_Part], *, is_runs: bool) -> str:
+    """A query for the rows of all parts; their columns may differ.
+
+    Each campaign chose the types of its columns for itself. Of parameters, which have types by
+    themselves, `1` and `1.0` are one value.
+    """
+    columns: dict[str, list[Column]] = {}
+    for part in parts:
+        for name, type_ in part.types.items():
+            columns.setdefault(folded(name), []).append((f"({part.select})", name, type_))
+    joint = {
+        key: joint_type(
+            connection, own, spelt=not (is_runs and key.startswith((PARAMETER, FACTOR)))
+        )
+        for key, own in columns.items()
     }
-    for select in selects.values():
-        connection.execute(f"PREPARE fits AS {select}")
-    return selects
+    return " UNION ALL BY NAME ".join(
+        _cast(part, {name: joint[folded(name)] for name in part.types}) for part in parts
+    )
+
+
+def _cast(part: _Part, types: Types) -> str:
+    """The query of a part whose columns get types."""
+    casts = ", ".join(
+        f"{quoted(name)}::{type_} AS {quoted(name)}"
+        for name, type_ in types.items()
+        if type_ != part.types[name]
+    )
+    return f"SELECT * REPLACE ({casts}) FROM ({part.select})" if casts else part.select  # noqa: S608

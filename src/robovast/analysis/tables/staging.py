@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,10 +27,14 @@ if TYPE_CHECKING:
 
 Types = dict[str, str]
 """Columns in order, with their types."""
+Column = tuple[str, str, str]
+"""SQL of a table, name of a column, and its type."""
 
 _WHOLE = ("BIGINT", "HUGEINT")
 _EXACT = ("BIGINT", "DOUBLE", "DOUBLE", "BOOLEAN")
 """Types to try first; a `DOUBLE` is written with or without `.0`."""
+_LONGEST_ROW = 2_000_000
+"""DuckDB's default [bytes]; larger values need larger buffers."""
 _AT_ONCE = 100
 """Columns that are examined at once; time grows with the square of their number."""
 
@@ -81,13 +86,15 @@ def stage_small(
         scratch: folder for the temporary file.
     """
     path = scratch / "rows.csv"
+    longest = 0
     with path.open("w", encoding="utf-8", newline="") as whole:
         writer = csv.writer(whole)
-        writer.writerow([*KEYS, *columns])
+        writer.writerow(range(len(KEYS) + len(columns)))  # names may have line breaks
         for file in files:
             run = file.relative_to(root).parts[:2]
-            writer.writerows([*run, *row] for row in read_rows(file, len(columns)))
-    stage(connection, [path], [*KEYS, *columns])
+            for row in read_rows(file, len(columns)):
+                longest = max(longest, writer.writerow([*run, *row]))
+    stage(connection, [path], [*KEYS, *columns], longest=longest)
 
 
 def stage(
@@ -97,6 +104,7 @@ def stage(
     root: Path | None = None,
     *,
     quoted_is_text: bool = False,
+    longest: int = 0,
 ) -> None:
     """Read CSV files as text into the table `staged`.
 
@@ -106,10 +114,13 @@ def stage(
         columns: names for the header's cells.
         root: folder of the runs; adds the columns `config` and `run` in front.
         quoted_is_text: whether `""` is a text; otherwise it is NULL, as an empty cell.
+        longest: length of the longest row [characters]; rows up to `_LONGEST_ROW` bytes are always
+            read.
 
     Raises:
         duckdb.Error: a file is damaged.
     """
+    most_bytes = max(_LONGEST_ROW, 4 * longest)
     cells = {f"c{index}": "VARCHAR" for index in range(len(columns))}
     chosen = [f"{cell} AS {quoted(name)}" for cell, name in zip(cells, columns, strict=True)]
     if root is not None:
@@ -120,8 +131,14 @@ def stage(
         f"CREATE OR REPLACE TEMP TABLE staged AS SELECT {', '.join(chosen)} FROM "  # noqa: S608
         "read_csv($files, columns = $cells, header = true, auto_detect = false, delim = ',', "
         "quote = '\"', escape = '\"', nullstr = '', allow_quoted_nulls = $null, "
-        "filename = '_file')",
-        {"files": list(map(str, files)), "cells": cells, "null": not quoted_is_text},
+        "filename = '_file', max_line_size = $longest, buffer_size = $buffer)",
+        {
+            "files": list(map(str, files)),
+            "cells": cells,
+            "null": not quoted_is_text,
+            "longest": most_bytes,
+            "buffer": max(16 * _LONGEST_ROW, 2 * most_bytes),
+        },
     )
 
 
@@ -231,7 +248,9 @@ def _widened(
             found[name] = type_
             continue
         before = have[column]
-        found[name] = _joint(connection, (table, column, before), ("staged", name, type_))
+        found[name] = joint_type(
+            connection, ((quoted(table), column, before), ("staged", name, type_))
+        )
         if found[name] != before:
             connection.execute(
                 f"ALTER TABLE {quoted(table)} ALTER COLUMN {quoted(column)} TYPE {found[name]}"
@@ -241,16 +260,50 @@ def _widened(
     return found, respelt
 
 
-def _joint(connection: DuckDBPyConnection, *columns: tuple[str, str, str]) -> str:
-    """The type that can store the values of two columns, given as table, column and type."""
-    types = [type_ for *_, type_ in columns]
-    for (table, column, type_), other in zip(columns, reversed(types), strict=True):
-        if type_ in _WHOLE and type_ != other:
-            largest = connection.execute(
-                f"SELECT max(abs({quoted(column)}::HUGEINT)) FROM {quoted(table)}"  # noqa: S608
-            ).fetchone()
-            if largest in (None, (None,)):  # no value at all
-                return other
-            if other == "DOUBLE" and largest > (LARGEST_EXACT,):
-                return "VARCHAR"
-    return wider(*types)
+def joint_type(
+    connection: DuckDBPyConnection, columns: Sequence[Column], *, spelt: bool = True
+) -> str:
+    """The type that keeps different values of several columns different.
+
+    Args:
+        connection: connection to the tables.
+        columns: the columns, all with values of one meaning.
+        spelt: whether a whole number and an equal `DOUBLE` are different, as `1` and `1.0`.
+    """
+    types = {type_ for *_, type_ in columns}
+    if len(types) == 1:
+        return types.pop()
+    whole = {column: _largest(connection, column) for column in columns if column[2] in _WHOLE}
+    types = {column[2] for column in columns if whole.get(column, 0) is not None} or types
+    joint = reduce(wider, sorted(types))
+    if joint == "DOUBLE" and len(types) > 1:
+        doubles = [column for column in columns if column[2] == joint]
+        if max(number or 0 for number in whole.values()) > LARGEST_EXACT or (
+            spelt and _share_values(connection, list(whole), doubles)
+        ):
+            return "VARCHAR"
+    return joint
+
+
+def _largest(connection: DuckDBPyConnection, column: Column) -> int | None:
+    """The largest absolute value of a column of whole numbers; None if it has no value."""
+    source, name, _ = column
+    found = connection.execute(
+        f"SELECT max(abs({quoted(name)}::HUGEINT)) FROM {source}"  # noqa: S608
+    ).fetchone()
+    return found[0] if found else None
+
+
+def _share_values(
+    connection: DuckDBPyConnection, some: Sequence[Column], others: Sequence[Column]
+) -> bool:
+    """Whether a value of some columns is a value of others."""
+    one, other = (
+        " UNION ALL ".join(
+            f"SELECT {quoted(name)}::DOUBLE FROM {source} WHERE {quoted(name)} IS NOT NULL"  # noqa: S608
+            for source, name, _ in columns
+        )
+        for columns in (some, others)
+    )
+    found = connection.execute(f"SELECT 1 FROM (({one}) INTERSECT ({other})) LIMIT 1")  # noqa: S608
+    return found.fetchone() is not None

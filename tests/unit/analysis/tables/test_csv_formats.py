@@ -26,13 +26,18 @@ def rows_of(content: bytes) -> list[list[str]]:
         (b"# made by a tool\nt,x\n0,1\n", [["t", "x"], ["0", "1"]]),
         (b"# made by\n# a tool, 2026, x\nt,x\n0,1\n", [["t", "x"], ["0", "1"]]),
         (b"# a, b\nt,x\n0,1\n", [["t", "x"], ["0", "1"]]),
-        (b"# t,x\n0,1\n2,3\n", [["# t", "x"], ["0", "1"], ["2", "3"]]),  # NumPy's header
+        (b"# t,x\n0,1\n2,3\n", [["t", "x"], ["0", "1"], ["2", "3"]]),  # NumPy's header
+        (
+            b"#t [ns],file\r\n5,5.png\r\n6,6.png\r\n",
+            [["t [ns]", "file"], ["5", "5.png"], ["6", "6.png"]],
+        ),
+        (b"\n# a comment\n\nt,x\n0,1\n", [["t", "x"], ["0", "1"]]),
         (b"# one\nvalue\n7\n", [["value"], ["7"]]),
         (b"t,x\n# pause\n0,1\n", [["t", "x"], ["0", "1"]]),
         (b"tag,x\n#1,2\n", [["tag", "x"], ["#1", "2"]]),
         (b"\xef\xbb\xbf# c\nt,x\n0,1\n", [["t", "x"], ["0", "1"]]),
         (b't,x\r\n0,"a\r\nb"\r\n\r\n', [["t", "x"], ["0", "a\r\nb"]]),
-        (b"# only\n", [["# only"]]),
+        (b"# only\n", [["only"]]),
         (b"", []),
         (b"\n\n", []),
     ],
