@@ -42,7 +42,7 @@ from PIL import Image, UnidentifiedImageError
 from robovast.base.errors import InputError
 from robovast.base.file_errors import cause
 from robovast.base.safe_paths import read_file
-from robovast.base.yaml_files import check_depth
+from robovast.base.yaml_files import compose_yaml
 
 Grid = npt.NDArray[np.int8]
 """Rows from top to bottom. 0 is free, 100 is occupied, -1 is unknown, others are in between."""
@@ -124,8 +124,8 @@ def parse_description(content: bytes, name: str) -> Description:
 def _mapping(content: bytes, name: str) -> dict[Any, Any]:
     """The keys and values as text, because YAML 1.1 and 1.2 read numbers differently."""
     try:
-        check_depth(content)
-        data = next(yaml.load_all(content, Loader=yaml.BaseLoader), None)  # only text
+        node = next(compose_yaml(content), None)
+        data = node and yaml.BaseLoader("").construct_document(node)  # only text
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise InputError(f"the map {name} cannot be read: not valid YAML: {error}") from error
     if not isinstance(data, dict):

@@ -148,7 +148,7 @@ error: 4 problems in bad.vast
     "an alias of what it is part of": (
         HEAD + "metadata: &all\n  again: *all\n" + TAIL,
         """\
-bad.vast:2:11: an alias (`*name`) refers to what it is part of
+bad.vast:2:11: not valid YAML: an alias (`*name`) refers to what it is part of
 error: 1 problem in bad.vast
 """,
     ),

@@ -14,7 +14,7 @@ from robovast.base.atomic import write_atomically
 from robovast.base.errors import DocumentError, InputError, RobovastError
 from robovast.base.file_errors import writing
 from robovast.base.serialization import dump_yaml
-from robovast.base.yaml_files import YamlLoader
+from robovast.base.yaml_files import compose_yaml
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import Layout
 from robovast.model.document import load_document
@@ -110,7 +110,7 @@ def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:
     Raises:
         InputError: the file, or its `configuration`, is written in brackets.
     """
-    root = yaml.compose(text, Loader=YamlLoader)
+    root = next(compose_yaml(text), None)
     pairs = root.value if isinstance(root, yaml.MappingNode) else []
     found = next((value for key, value in pairs if key.value == "configuration"), None)
     _refuse_brackets(root, file)

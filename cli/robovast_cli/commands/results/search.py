@@ -121,9 +121,8 @@ def _fixed(at: list[str] | None, space: Space) -> dict[str, Any]:
 
 def _pair(text: str, space: Space) -> tuple[str, Any]:
     """Name and value of `name=value`; the value of a choice is found by its text."""
-    import yaml
-
     from robovast.base.errors import InputError
+    from robovast.base.yaml_files import parse_yaml
     from robovast.model.document.search.space import choices
 
     name, separator, value = text.partition("=")
@@ -131,6 +130,6 @@ def _pair(text: str, space: Space) -> tuple[str, Any]:
         raise InputError(f"--at {text}: must be `NAME=VALUE`.")
     listed = (choices(space[name]) or []) if name in space else []
     try:
-        return name, next((one for one in listed if str(one) == value), yaml.safe_load(value))
-    except yaml.YAMLError:
+        return name, next((one for one in listed if str(one) == value), parse_yaml(value))
+    except ValueError:
         raise InputError(f"--at {text}: the value is not valid.") from None

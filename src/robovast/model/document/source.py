@@ -10,7 +10,7 @@ import yaml
 
 from robovast.base.errors import DocumentError, InputError, Place, Problem
 from robovast.base.file_errors import reading
-from robovast.base.yaml_files import YamlLoader, check_depth
+from robovast.base.yaml_files import YamlLoader, compose_yaml
 
 KeyPath = tuple[Hashable, ...]
 """Path of a value in the document: keys and list indexes from the root."""
@@ -92,13 +92,9 @@ class Source:
         self._keys: dict[KeyPath, yaml.Mark] = {}
         self._texts: dict[KeyPath, str] = {}
         self._impossible: dict[KeyPath, DocumentError] = {}
-        self._built: set[int] = set()
-        self._repeated = 0
-        self._open: set[int] = set()
-        self._scalars = yaml.constructor.SafeConstructor()
+        self._scalars = YamlLoader("")
         try:
-            check_depth(text)
-            nodes = yaml.compose_all(text, Loader=YamlLoader)
+            nodes = compose_yaml(text, MAX_REPEATED)
             node = next(nodes, None)
             self.is_followed = next(nodes, None) is not None
             self._data: Any = None if node is None else self._build(node, ())
@@ -188,7 +184,6 @@ class Source:
         return DocumentError([Problem(place, "", message)])
 
     def _build(self, node: yaml.Node, path: KeyPath) -> Any:
-        self._refuse_explosion(node)
         self._values.setdefault(path, node.start_mark)
         for known in (self._texts, self._impossible):  # of a merged mapping
             known.pop(path, None)
@@ -196,16 +191,10 @@ class Source:
             return self._value(node, path)
         if node.tag not in _COLLECTION_TAGS:
             raise self._error(f"the tag `{node.tag}` has no meaning here", node.start_mark)
-        if id(node) in self._open:
-            raise self._error("an alias (`*name`) refers to what it is part of", node.start_mark)
-        self._open.add(id(node))
-        try:
-            if isinstance(node, yaml.SequenceNode):
-                return [self._build(item, (*path, i)) for i, item in enumerate(node.value)]
-            assert isinstance(node, yaml.MappingNode)  # noqa: S101  # there are three kinds
-            return self._build_mapping(node, path)
-        finally:
-            self._open.discard(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            return [self._build(item, (*path, i)) for i, item in enumerate(node.value)]
+        assert isinstance(node, yaml.MappingNode)  # noqa: S101  # there are three kinds
+        return self._build_mapping(node, path)
 
     def _value(self, node: yaml.ScalarNode, path: KeyPath) -> Any:
         try:
@@ -231,15 +220,6 @@ class Source:
             )
             raise _ImpossibleError(self._error(message, node.start_mark).problems) from None
         return value
-
-    def _refuse_explosion(self, node: yaml.Node) -> None:
-        if id(node) in self._built:
-            self._repeated += 1
-        self._built.add(id(node))
-        if self._repeated > MAX_REPEATED:
-            raise self._error(
-                f"its aliases (`*name`) repeat more than {MAX_REPEATED:,} values", node.start_mark
-            )
 
     def _build_mapping(self, node: yaml.MappingNode, path: KeyPath) -> dict[Any, Any]:
         self._refuse_duplicates(node)
