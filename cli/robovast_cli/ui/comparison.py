@@ -11,12 +11,13 @@ from typing import Any, Literal
 from robovast.base.errors import ExitCode
 from robovast.base.printable import printable_json
 from robovast.base.statistics import percent
-from robovast.campaign.junit import Case, Outcome, Suite, report_text
+from robovast.campaign.junit import Case, Suite, report_text
+from robovast.campaign.verdict import Outcome
 from robovast.evaluation.compare import Comparison, VariantDifference
 from robovast.evaluation.rates import MOST_RUNS, Sample
 from robovast_cli.ui.markdown import markdown_table
 from robovast_cli.ui.output import say_data
-from robovast_cli.ui.table import format_table
+from robovast_cli.ui.table import counted, format_table
 
 Format = Literal["text", "json"]
 
@@ -119,7 +120,7 @@ def sentence(found: Comparison) -> str:
     """How many configurations changed, and what would decide about them."""
     counts = Counter(variant.change for variant in found.variants)
     told = ", ".join(f"{counts[change]} {change}" for change in CHANGES)
-    text = f"{_counted(len(found.variants), 'configuration')} in both: {told}."
+    text = f"{counted(len(found.variants), 'configuration')} in both: {told}."
     if found.change != "unclear":
         return text
     more = _more(found.more_runs)
@@ -133,7 +134,7 @@ def notes(found: Comparison) -> Iterable[str]:
         yield f"{changed - MOST_ROWS} more configurations are worse, unclear or better (JSON)."
     for names, where in ((found.only_a, "before"), (found.only_b, "after")):
         if names:
-            yield f"{_counted(len(names), 'configuration')} only {where}: not compared."
+            yield f"{counted(len(names), 'configuration')} only {where}: not compared."
 
 
 def changed_variants(found: Comparison) -> list[VariantDifference]:
@@ -167,7 +168,3 @@ def _more(runs: int | None) -> str:
 def share_text(sample: Sample) -> str:
     """How many runs did not pass: `15 of 20`."""
     return f"{sample.bad} of {sample.runs}"
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"1 {noun}" if number == 1 else f"{number} {noun}s"

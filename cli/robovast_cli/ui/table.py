@@ -81,3 +81,8 @@ def _narrower(widths: Sequence[int], room: int) -> list[int]:
         NARROWEST,
     )
     return [min(width, limit) for width in widths]
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun, which gets an `s` except after 1."""
+    return f"1 {noun}" if number == 1 else f"{number} {noun}s"

@@ -36,7 +36,8 @@ def find_campaigns(results: Path) -> list[Path]:
     if not found:
         raise InputError(
             f"{results} contains no campaign: neither it nor a folder in it has a .vast file in "
-            "`_config`. Name the results folder with `-r`."
+            "`_config`, or reports of another tool in `<configuration>/<run number>/test.xml`. "
+            "Name the results folder with `-r`."
         )
     found = [path for path in found if is_printable(path.name)]
     for folder in (results, *found):

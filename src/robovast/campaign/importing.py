@@ -71,5 +71,6 @@ def _campaign_in(archive: Path, whole: Path) -> Path:
     names = ", ".join(sorted(path.name for path in content)[:5]) or "nothing"
     raise InputError(
         f"{archive} contains no campaign, but {names}. It must contain one campaign's folder, with "
-        "a .vast file in `_config`. Nothing was imported."
+        "a .vast file in `_config`, or with reports of another tool in "
+        "`<configuration>/<run number>/test.xml`. Nothing was imported."
     )

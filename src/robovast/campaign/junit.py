@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Literal
 
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
-from robovast.campaign.verdict import Verdict, read_report, seconds
+from robovast.campaign.verdict import Outcome, Verdict, outcome_of, read_report, seconds
 
 LONGEST = 20_000
 """Longest text of a case [characters]; the run's own report has all of it."""
 
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML cannot hold."""
-
-Outcome = Literal["passed", "failure", "error", "skipped"]
-_OUTCOMES: tuple[Outcome, ...] = ("failure", "error", "skipped")
 
 
 @dataclass(frozen=True)
@@ -124,18 +120,25 @@ def _own_cases(run: Path, name: str) -> list[Case]:
         root = read_report(run)
     except (OSError, ValueError):
         return []
-    return [_case(element, name) for element in root.iter() if _tag(element) == "testcase"]
+    return list(_cases_below(root, name, outcome_of(root)[0] == "skipped"))
 
 
-def _case(element: ET.Element, run: str) -> Case:
-    children = {_tag(child): child for child in element}
-    outcome = next((kind for kind in _OUTCOMES if kind in children), None)
+def _cases_below(element: ET.Element, run: str, skipped: bool) -> Iterator[Case]:
+    """The cases of a suite; all are skipped if the suite is."""
+    for child in element:
+        if _tag(child) == "testcase":
+            yield _case(child, run, skipped)
+        else:
+            yield from _cases_below(child, run, skipped or outcome_of(child)[0] == "skipped")
+
+
+def _case(element: ET.Element, run: str, skipped: bool) -> Case:
+    outcome, why = outcome_of(element)
+    if skipped and outcome == "passed":
+        outcome = "skipped"
     name = f"{run}: {element.get('name') or 'test'}"
-    duration = seconds(element.get("time"))
-    if outcome is None:
-        return Case(name, seconds=duration)
-    said = children[outcome]
-    return Case(name, outcome, said.get("message", ""), said.text or "", duration)
+    message, text = ("", "") if why is None else (why.get("message", ""), why.text or "")
+    return Case(name, outcome, message, text, seconds(element.get("time")))
 
 
 def _tag(element: ET.Element) -> str:

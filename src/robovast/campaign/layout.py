@@ -28,6 +28,7 @@ from robovast.model.naming import (
     EXECUTION,
     TRANSIENT,
 )
+from robovast.model.naming import TEST_RESULT as TEST_RESULT
 
 JOBS = "_jobs"
 CONFIGURATIONS = f"{TRANSIENT}/configurations.yaml"
@@ -68,7 +69,6 @@ ASIDE = ".aside"
 
 RUN_RECORD = "run.json"
 """This and the following paths are relative to a run's folder."""
-TEST_RESULT = "test.xml"
 JOB_LINK = "job"
 """Link from a run's folder to the folder of the job that executed it."""
 OWN_NAMES = (RUN_RECORD, JOB_LINK)

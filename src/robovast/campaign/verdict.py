@@ -9,15 +9,18 @@ that contains others in their place has no verdict.
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from robovast.base.safe_paths import read_file
 from robovast.base.xml_files import UnsupportedXmlError, parse_xml
 from robovast.campaign.layout import TEST_RESULT
+
+Outcome = Literal["passed", "failure", "error", "skipped"]
 
 
 class Verdict(StrEnum):
@@ -293,6 +296,24 @@ class _Report:
             why = next(iter("".join(text).strip().splitlines()), "")
             return TestResult(Verdict.ERRORED, f"the scenario cannot be parsed: {plain(why)}")
         return _failed("" if message == _NO_MESSAGE else message, "".join(text))
+
+
+def outcome_of(element: ET.Element) -> tuple[Outcome, ET.Element | None]:
+    """Return what a suite or case declares as its outcome, and the child element that explains it.
+
+    Failures precede errors, and both precede skipped cases.
+    """
+    children = {_plain(child.tag): child for child in element if isinstance(child.tag, str)}
+    said = {_plain(key): value.strip().lower() for key, value in element.attrib.items()}
+    states = {_STATES.get(said.get(key, "")) for key in _STATE_KEYS}
+    bad = sorted(_BAD & children.keys(), key=lambda name: name.endswith("error"))
+    not_run = sorted(_NOT_RUN & children.keys())
+    if bad or "bad" in states:
+        why = children[bad[0]] if bad else None
+        return ("error" if bad and bad[0].endswith("error") else "failure"), why
+    if not_run or "not run" in states:
+        return "skipped", children[not_run[0]] if not_run else None
+    return "passed", None
 
 
 def _plain(name: str) -> str:

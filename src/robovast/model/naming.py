@@ -14,6 +14,8 @@ EXECUTION = "_execution"
 """Folder of records of the execution."""
 TRANSIENT = "_transient"
 """Folder of generated intermediate files."""
+TEST_RESULT = "test.xml"
+"""A run's JUnit report."""
 CAMPAIGN_STORE = "campaign.db"
 METADATA = "metadata.yaml"
 GRAPH = "metadata.prov.json"
@@ -47,9 +49,20 @@ def is_campaign_dir(path: str | Path) -> bool:
 
 
 def holds_campaign(folder: Path) -> bool:
-    """True for a folder with the content of a campaign, whatever its name."""
+    """True for a folder with the content of a campaign, whatever its name.
+
+    Campaigns of other tools are recognized by a report `<configuration>/<run>/test.xml`.
+    """
     own = any((folder / name).is_dir() for name in (EXECUTION, TRANSIENT))
-    return own or any((folder / CONFIG).glob("*.vast"))
+    return own or any((folder / CONFIG).glob("*.vast")) or _holds_reports(folder)
+
+
+def _holds_reports(folder: Path) -> bool:
+    """Whether a report of another tool is below, whose configurations have no `_config`."""
+    visible = (path for path in folder.glob("[!._]*") if not is_campaign_dir(path))
+    others = (path for path in visible if not (path / CONFIG).exists())
+    reports = (report for path in others for report in path.glob(f"[0-9]*/{TEST_RESULT}"))
+    return any(report.parent.name.isdecimal() for report in reports)
 
 
 def get_campaign(name: str = "campaign") -> str:

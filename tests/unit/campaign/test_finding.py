@@ -33,6 +33,30 @@ def test_everybody_takes_the_same_folders_for_campaigns(tmp_path: Path) -> None:
         import_archive(archive, tmp_path / "imported")
 
 
+@pytest.mark.parametrize("name", ["demo", "hall-2026-03-04-132444"])
+def test_reports_of_another_tool_are_a_campaign(tmp_path: Path, name: str) -> None:
+    run = tmp_path / "results" / name / "hall" / "10"
+    run.mkdir(parents=True)
+    campaign, results = run.parents[1], run.parents[2]
+    if name == "demo":
+        with pytest.raises(InputError, match=r"<run number>/test\.xml"):
+            find_campaigns(results)
+    (run / "test.xml").write_text('<testsuite><testcase name="a"/></testsuite>')
+
+    assert find_campaigns(results) == find_campaigns(campaign) == [campaign]
+    assert shown_campaigns(results) == [name]
+    archive = Path(shutil.make_archive(str(tmp_path / name), "zip", results, name))
+    assert import_archive(archive, tmp_path / "imported").name == name
+
+
+@pytest.mark.parametrize("path", ["hall/first/test.xml", "hall/1x/test.xml", "_jobs/0/test.xml"])
+def test_other_places_of_reports_are_no_runs(tmp_path: Path, path: str) -> None:
+    (tmp_path / path).parent.mkdir(parents=True)
+    (tmp_path / path).write_text('<testsuite><testcase name="a"/></testsuite>')
+    with pytest.raises(InputError, match="contains no campaign"):
+        find_campaigns(tmp_path)
+
+
 @pytest.mark.parametrize("name", [b"x\xff", b"x\x1b[2J", b"x\nall passed"])
 def test_they_are_left_out_with_a_warning(
     tmp_path: Path, name: bytes, caplog: pytest.LogCaptureFixture

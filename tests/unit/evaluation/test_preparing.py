@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -64,6 +65,22 @@ def test_it_keeps_what_is_finished_when_the_server_ends(tmp_path: Path) -> None:
     eventually(lambda: not made.state().running)
     assert said[-1] == "interrupted; finished work is kept"
     assert made.state() == Prepared(1, 2, False, False)
+
+
+def test_it_ends_whichever_thread_reaps_the_process(tmp_path: Path, monkeypatch) -> None:
+    """A busy machine may delay the thread that follows the process until the process is gone."""
+    waitid = os.waitid
+
+    def late(kind: int, pid: int, options: int) -> object:
+        eventually(lambda: made._process is not None and made._process.returncode is not None)
+        return waitid(kind, pid, options)
+
+    monkeypatch.setattr(os, "waitid", late)
+    made = preparation(tmp_path, "slow", [])
+    made.start()
+    eventually(lambda: made.state().done == 1)
+    made.end()
+    eventually(lambda: not made.state().running)
 
 
 def test_one_that_is_killed_is_no_longer_waited_for(tmp_path: Path) -> None:

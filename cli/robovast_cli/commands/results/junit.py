@@ -33,6 +33,7 @@ def junit(
     from robovast.campaign.layout import Layout
     from robovast_cli.commands.results.options import named_campaign
     from robovast_cli.ui.output import say
+    from robovast_cli.ui.table import counted
 
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     suites = merged_suites(Layout(folder))
@@ -41,4 +42,5 @@ def junit(
     write_report(file, report_text(folder.name, suites))
     cases = [case for suite in suites for case in suite.cases]
     bad = sum(case.outcome in {"failure", "error"} for case in cases)
-    say(f"{file}: {len(cases)} cases of {len(suites)} configurations, {bad} failed or errored")
+    found = f"{counted(len(cases), 'case')} of {counted(len(suites), 'configuration')}"
+    say(f"{file}: {found}, {bad} failed or errored")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from robovast.campaign.merge import MergeResult, merge_campaigns
 from robovast_cli.ui.output import say
+from robovast_cli.ui.table import counted
 from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
@@ -32,18 +33,14 @@ def merge(
         InputError: they cannot be merged.
         StorageError: the target exists already, or cannot be written.
     """
-    with working(f"Merging {_counted(len(sources), noun)}"):
+    with working(f"Merging {counted(len(sources), noun)}"):
         result = merge_campaigns(sources, target, by_name=by_name, replace=replace)
     for path in result.unidentified:
         say(f"{path}: has no config_identifier, so it was merged with nothing.")
     for path in result.left_out:
         say(f"{path}: left out, because it has no `run.json` of a run that went to its end.")
     say(
-        f"Merged {_counted(len(sources), noun)} into {shown(target)}: "
-        f"{_counted(result.configurations, 'configuration')}, {_counted(result.runs, 'run')}."
+        f"Merged {counted(len(sources), noun)} into {shown(target)}: "
+        f"{counted(result.configurations, 'configuration')}, {counted(result.runs, 'run')}."
     )
     return result
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"1 {noun}" if number == 1 else f"{number} {noun}s"

@@ -77,7 +77,8 @@ class Preparation:
         """Wait for the process, not for its output: a child that outlives it may keep that open."""
         reader = Thread(target=self._read, args=(process.stdout,), daemon=True, name="prepared")
         reader.start()
-        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        with suppress(ChildProcessError):  # `end`, which waits as well, was first
+            os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
         _kill_group(process)
         reader.join(_LAST_WORDS)
         code = process.wait()
