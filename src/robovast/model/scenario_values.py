@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
+from math import isfinite
 from typing import Any
 
 from robovast.base.serialization import to_plain
@@ -22,7 +23,8 @@ _PHYSICAL = frozenset(
 _AMOUNT = re.compile(r"[+-]?\d+(?P<fraction>\.\d+)?[a-z]\w*", re.IGNORECASE)
 """A default with a unit."""
 _DECIMAL = re.compile(r"[-+]?(?=[^eE]*[0-9])[0-9]*(?:\.[0-9]*(?:[eE][-+]?[0-9]+)?|[eE][-+]?[0-9]+)")
-_INTEGER = re.compile(r"[-+]?[0-9]{1,4000}")
+_INTEGER = re.compile(r"[-+]?(?:0|[1-9][0-9]{0,3999})")
+_WITHOUT_DIGITS = re.compile(r"[-+]?\.inf|\.nan", re.IGNORECASE)
 _TRUTHS = {
     **dict.fromkeys(("yes", "true", "on"), True),
     **dict.fromkeys(("no", "false", "off"), False),
@@ -64,6 +66,9 @@ def as_declared(
 ) -> Iterator[tuple[_Path, Any]]:
     """Parts of a value that have another type than the scenario declares, with the right value.
 
+    Where a number is declared, one that is not written in decimal digits becomes its text, which
+    `refusal` refuses.
+
     Args:
         scenario: declares the parameter; an unknown one has no type.
         name: of the parameter.
@@ -92,20 +97,33 @@ def _declared(
             if field.name in value:
                 inner = value[field.name]
                 yield from _declared(field, inner, (*path, field.name), text, structs)
-    elif kind == "string":
-        spelt = text(path)
-        if spelt is not None:
-            yield path, spelt
-    elif isinstance(value, str):
-        number = _number_in(value, _expected(kind, parameter.default_text))
-        if number is not None:
-            yield path, number
+    else:
+        typed = _typed(_expected(kind, parameter.default_text), value, text(path), kind)
+        if typed is not None:
+            yield path, typed
+
+
+def _typed(expected: str | None, value: Any, spelt: str | None, kind: str) -> Any:
+    """What replaces a value that is neither a list nor a structure; None if it stays."""
+    if kind == "string":
+        return spelt
+    if isinstance(value, str):
+        return _number_in(value, expected)
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if is_number and expected in (_WHOLE, _NUMBER) and spelt and not _is_decimal(spelt):
+        return spelt
+    return None
+
+
+def _is_decimal(text: str) -> bool:
+    """Whether YAML reads a number as people do; it reads `010` as 8 and `1:30` as 90."""
+    return _number_in(text, _NUMBER) is not None or bool(_WITHOUT_DIGITS.fullmatch(text))
 
 
 def _number_in(text: str, expected: str | None) -> int | float | None:
     """The number or truth value of a text, where one is expected."""
     if expected == _NUMBER and _DECIMAL.fullmatch(text):
-        return float(text)
+        return float(text) if isfinite(float(text)) else None
     if expected in (_WHOLE, _NUMBER) and _INTEGER.fullmatch(text):
         return int(text)
     return _TRUTHS.get(text.lower()) if expected == "true or false" else None
@@ -145,7 +163,9 @@ def _refusal(
     if expected is None or isinstance(value, _KINDS[expected]):
         return None
     default = "" if kind in _OF_TYPES else f", as its default `{parameter.default_text}` is"
-    return _sentence(place, expected + (default if expected == _WHOLE else ""), value)
+    is_spelling = isinstance(value, str) and re.match("[-+]?[0-9]", value)
+    form = " in decimal digits, such as `10`" if is_spelling else ""
+    return _sentence(place, expected + form + (default if expected == _WHOLE else ""), value)
 
 
 def _expected(kind: str, default: str | None) -> str | None:

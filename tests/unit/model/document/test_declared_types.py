@@ -140,7 +140,7 @@ def test_choices_of_a_search_keep_their_spelling(tmp_path: Path, spelt: str) -> 
             ("n: '12'", 12),
             ("fast: 'no'", False),
         ),
-        *(("n: 1_000", 1000), ("rate: 1.10", 1.1), ("fast: yes", True)),
+        *(("n: 1000", 1000), ("rate: 1.10", 1.1), ("fast: yes", True)),
     ],
 )
 def test_text_is_a_number_where_one_is_declared(tmp_path: Path, pair: str, value: Any) -> None:
@@ -154,6 +154,29 @@ def test_text_is_a_number_where_one_is_declared(tmp_path: Path, pair: str, value
 def test_a_value_of_another_type_is_an_error_with_its_place(tmp_path: Path, pair: str) -> None:
     with pytest.raises(DocumentError, match=r"(?s)y\.vast:6:.* must be .*s\.osc:\d+ declares"):
         load(tmp_path, f"configuration:\n- name: a\n  parameters: [{pair}]\n")
+
+
+@given(
+    st.sampled_from(["rate", "n", "length_of_way"]),
+    st.from_regex(
+        r"[-+]?(0[0-9]{1,3}|[1-9]{1,2}_[0-9]{1,3}|0x[0-9a-f]{1,3}|0b[01]{1,3})", fullmatch=True
+    )
+    | st.from_regex(r"[1-9][0-9]?(:[0-5][0-9]){1,2}", fullmatch=True)
+    | st.sampled_from(["1e400", "1.0e+400", "-1.0e+999", "1_0.5", "1:30.5", "0o17", "'010'"]),
+)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_a_number_that_yaml_reads_otherwise_than_people_is_refused(
+    tmp_path: Path, name: str, spelt: str
+) -> None:
+    with pytest.raises(DocumentError, match=r"must be .*number in decimal digits, such as `10`"):
+        load(tmp_path, f"configuration:\n- name: a\n  parameters: [{name}: {spelt}]\n")
+
+
+@pytest.mark.parametrize("spelt", ["0", "-0", "+5", "00.5", ".5", "5.", ".inf", "-.INF", "1e300"])
+def test_decimal_numbers_are_read(tmp_path: Path, spelt: str) -> None:
+    document = load(tmp_path, f"configuration:\n- name: a\n  parameters: [rate: {spelt}]\n")
+    number = float(spelt.lower().replace(".inf", "inf"))
+    assert values(document, tmp_path) == [{"rate": number}]
 
 
 def test_an_impossible_date_is_an_error_where_no_text_is_declared(tmp_path: Path) -> None:
