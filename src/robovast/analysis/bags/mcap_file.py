@@ -43,12 +43,38 @@ _INDEX = Struct("<HI")
 """Channel, length of the entries."""
 _ENTRY = Struct("<QQ")
 """Time [ns], offset in the chunk."""
+_BEGINNING = _RECORD.size + _INDEX.size + _ENTRY.size
+"""What the scan reads of each record [bytes]."""
+_STATISTICS = Struct("<QHIIIIQQI")
+"""Number of messages, seven other numbers, length of the numbers for each channel."""
 _LENGTH, _LONG_LENGTH = Struct("<I"), Struct("<Q")
-_LEAST = {Opcode.MESSAGE: _MESSAGE_SIZE, Opcode.CHUNK: 40, Opcode.SCHEMA: 14, Opcode.CHANNEL: 12}
+_LEAST: dict[int, int] = {
+    Opcode.FOOTER: 20,
+    Opcode.SCHEMA: 14,
+    Opcode.CHANNEL: 12,
+    Opcode.MESSAGE: _MESSAGE_SIZE,
+    Opcode.CHUNK: 40,
+    Opcode.MESSAGE_INDEX: _INDEX.size,
+    Opcode.STATISTICS: _STATISTICS.size,
+    Opcode.DATA_END: 4,
+}
 """Shortest records [bytes]."""
+_MOST: dict[int, int] = {Opcode.FOOTER: 20, Opcode.DATA_END: 4}
+"""Longest records [bytes]."""
+_IN_BLOCKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.MESSAGE_INDEX)
 _NO_END = "has no end: its recorder was stopped while writing"
 _PRIVATE = 0x10
 """First opcode that the format does not define."""
+_APPLICATION = 0x80
+"""First opcode of the records of applications."""
+_NEVER = 1 << 64
+_LEAST_IN_BLOCK = [
+    0 if code >= _APPLICATION else _LEAST[code] if code in _IN_BLOCKS else _NEVER
+    for code in range(256)
+]
+"""Shortest records in a block by opcode [bytes]."""
+_CHANNELS = 1 << 16
+"""Numbers of channels in a recording."""
 _MOST_BLOCKS = 200_000
 _FARTHEST = LARGEST + (1 << 20)
 """How far the next record is searched for behind a damaged one [bytes]."""
@@ -78,12 +104,14 @@ class McapFile:
         self.blocks: list[Block] = []
         self.faults = Faults()
         self.complete = True
-        self.is_indexed = False
-        """True if the file ends with an index."""
+        self.indexed_chunks = 0
+        """Number of chunks in the index at the file's end."""
         self.name = name
         self._open, self._types, self._bound = open_file, types, bound
         self._schemas: dict[int, Definition] = {}
         self._channels: dict[int, tuple[int, str, str]] = {}
+        self._base = self._stated = 0
+        """What distinguishes the channels of appended recordings, and the messages they state."""
         with open_file() as file:
             magic = file.read(len(MAGIC))
             if magic != MAGIC:
@@ -91,6 +119,7 @@ class McapFile:
                 return
             self._scan(file, os.fstat(file.fileno()).st_size)
             self._complete(file)
+        self._compare()
         for number, (schema, topic, encoding) in self._channels.items():
             definition = self._schemas.get(schema) or Definition(types.get(topic, "unknown"))
             self.topics[number] = Topic(topic, definition, encoding)
@@ -114,32 +143,47 @@ class McapFile:
                 channel, _ = _INDEX.unpack_from(index, begin)
                 begin += _INDEX.size
                 whole = index[begin : begin + (end - begin) // _ENTRY.size * _ENTRY.size]
+                channel += block.base
                 found += [(channel, time) for time, _ in _ENTRY.iter_unpack(whole)]
         return found
 
     def _scan(self, file: BinaryIO, size: int) -> None:
-        place = len(MAGIC)
+        after, read = len(MAGIC), partial(os.pread, file.fileno())
+        part = after
         while True:
+            place = after
             file.seek(place)
-            head = file.read(_CHUNK_HEAD.size)
+            head = file.read(_BEGINNING)
+            if head.startswith(MAGIC):
+                after = place + len(MAGIC)
+                if after == size:
+                    return
+                continue
             if len(head) < _RECORD.size:
                 self._fault(_NO_END)
                 self._doubt_index()
                 return
             opcode, length = _RECORD.unpack_from(head)
             after = place + _RECORD.size + length
-            if opcode == Opcode.FOOTER:
-                return
             if self._bound.reached() or len(self.blocks) > _MOST_BLOCKS:
                 self._fault(f"has too many records; those after byte {place} are left out")
                 self.complete = False
                 return
-            if not opcode or after > size:
+            if after > size or _is_damaged(read, opcode, length, place):
                 self._doubt_index()
-                read = partial(os.pread, file.fileno())
                 is_cut = opcode == Opcode.CHUNK and _end_of_chunk(read, place) == after
+                begin = max(part, self.blocks[-1].place + 1 if self.blocks else 0)
+                appended = _appended(read, begin, size if is_cut else place)
+                if appended:
+                    self._fault(f"is cut off at byte {appended}, where another recording begins")
+                    if appended > place:
+                        self._add(file, opcode, head, place, appended)
+                    elif self.blocks:
+                        self.blocks[-1].cut(appended)
+                    after, part = appended, appended + 1
+                    continue
                 following = None if is_cut else _next(read, place + 1, size, self._bound)
-                if following is None and 0 < opcode < _PRIVATE:
+                if following is None and after > size and 0 < opcode < _PRIVATE:
                     self._fault(_NO_END)
                     self._add(file, opcode, head, place, size)
                     return
@@ -152,31 +196,62 @@ class McapFile:
                 after = following
             else:
                 self._add(file, opcode, head, place, after)
-            place = after
 
     def _add(self, file: BinaryIO, opcode: int, head: bytes, place: int, after: int) -> None:
         if opcode == Opcode.MESSAGE and len(head) >= _HEAD.size:
             _, _, channel, _, time = _HEAD.unpack_from(head)
             last = self.blocks[-1] if self.blocks else None
             if last is None or last.chunk or last.until != place or last.size > TOGETHER:
-                last = Block(place, after, 0)
+                last = Block(place, after, 0, base=self._base)
                 self.blocks.append(last)
             last.until, last.size = after, after - last.place
-            last.add(channel, time)
-        elif opcode == Opcode.CHUNK and len(head) == _CHUNK_HEAD.size:
-            _, _, start, end = _CHUNK_HEAD.unpack(head)
-            self.blocks.append(Block(place, after, after - place, start, end, chunk=True))
-        elif opcode == Opcode.MESSAGE_INDEX and len(head) >= _RECORD.size + _INDEX.size:
-            if self.blocks and place in (self.blocks[-1].until, self.blocks[-1].index):
-                self.blocks[-1].index = after
-                channel, length = _INDEX.unpack_from(head, _RECORD.size)
-                if length:
-                    self.blocks[-1].channels.add(channel)
+            last.add(channel + self._base, time)
+        elif opcode == Opcode.CHUNK and len(head) >= _CHUNK_HEAD.size:
+            _, _, start, end = _CHUNK_HEAD.unpack_from(head)
+            new = Block(place, after, after - place, start, end, chunk=True, base=self._base)
+            self.blocks.append(new)
+        elif opcode == Opcode.MESSAGE_INDEX and self.blocks and self.blocks[-1].chunk:
+            self._index(self.blocks[-1], head, place, after)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and after - place <= LARGEST:
             begin = place + _RECORD.size
-            self._define(opcode, os.pread(file.fileno(), after - begin, begin))
+            self._define(opcode, os.pread(file.fileno(), after - begin, begin), self._base)
         elif opcode == Opcode.CHUNK_INDEX:
-            self.is_indexed = True
+            self.indexed_chunks += 1
+        elif opcode == Opcode.STATISTICS:
+            numbers = os.pread(file.fileno(), _STATISTICS.size, place + _RECORD.size)
+            count, *_, rest = _STATISTICS.unpack(numbers)
+            if place + _RECORD.size + _STATISTICS.size + rest == after:
+                self._stated += count
+        elif _PRIVATE <= opcode < _APPLICATION:
+            self._fault(f"has a record of the unknown kind {opcode} at byte {place}")
+        elif opcode == Opcode.HEADER and place > len(MAGIC):
+            if os.pread(file.fileno(), len(MAGIC), place - len(MAGIC)) == MAGIC:
+                self._base += _CHANNELS
+                self._fault(f"has another recording appended at byte {place}, which is also read")
+
+    def _index(self, chunk: Block, head: bytes, place: int, after: int) -> None:
+        """Add the index of a channel's messages to the chunk in front of it."""
+        if len(head) < _RECORD.size + _INDEX.size or place not in (chunk.until, chunk.index):
+            return
+        channel, length = _INDEX.unpack_from(head, _RECORD.size)
+        if place + _RECORD.size + _INDEX.size + length != after:
+            return
+        chunk.index = after
+        if length:
+            chunk.channels.add(channel + chunk.base)
+            chunk.count += length // _ENTRY.size
+        if length and len(head) == _BEGINNING:
+            first, _ = _ENTRY.unpack_from(head, _RECORD.size + _INDEX.size)
+            chunk.start = min(chunk.start, first)
+
+    def _compare(self) -> None:
+        """Compare what was found with the summary at the end of the file."""
+        chunks = sum(block.chunk for block in self.blocks)
+        count = sum(block.count for block in self.blocks)
+        if self.complete and count < self._stated:
+            self._fault(f"has {count} of the {self._stated} messages in its summary")
+        if self.complete and chunks < self.indexed_chunks:
+            self._fault(f"has {chunks} of the {self.indexed_chunks} chunks in its index")
 
     def _complete(self, file: BinaryIO) -> None:
         """Find what only the content of chunks tells: channels, and times that are wrong."""
@@ -189,13 +264,13 @@ class McapFile:
                 self.complete = False
                 return
             content = self._content(file, block)
-            block.start, block.end = NEVER, 0
+            block.start, block.end, block.count = NEVER, 0, 0
             for opcode, begin, end in self._records(content, block):
                 if opcode == Opcode.MESSAGE and end - begin >= _MESSAGE_SIZE:
                     channel, _, time = _MESSAGE.unpack_from(content, begin)
-                    block.add(channel, time)
+                    block.add(channel + block.base, time)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    self._define(opcode, content[begin:end])
+                    self._define(opcode, content[begin:end], block.base)
 
     def _doubt_index(self) -> None:
         """Ignore the index of the last chunk, which may not be whole."""
@@ -203,20 +278,20 @@ class McapFile:
             self.blocks[-1].index = 0
             self.blocks[-1].channels.clear()
 
-    def _define(self, opcode: int, record: bytes) -> None:
-        """Add a schema or a channel; the first one of a number counts."""
+    def _define(self, opcode: int, record: bytes, base: int) -> None:
+        """Add a schema or a channel of a recording; the first one of a number counts."""
         try:
             if opcode == Opcode.SCHEMA:
                 (number,) = struct.unpack_from("<H", record)
                 kind, place = _prefixed(record, 2)
                 encoding, place = _prefixed(record, place)
                 text, _ = _prefixed(record, place)
-                self._schemas.setdefault(number, Definition(kind, encoding, text))
+                self._schemas.setdefault(base + number, Definition(kind, encoding, text))
             else:
                 number, schema = struct.unpack_from("<HH", record)
                 topic, place = _prefixed(record, 4)
                 encoding, _ = _prefixed(record, place)
-                self._channels.setdefault(number, (schema, topic, encoding))
+                self._channels.setdefault(base + number, (base + schema, topic, encoding))
         except _WRONG as error:
             self._fault(f"has a channel that is left out: {error}")
 
@@ -233,11 +308,17 @@ class McapFile:
 
     def _messages(self, content: bytes, channels: Collection[int], block: Block) -> list[Read]:
         found: list[Read] = []
+        base, count = block.base, 0
         for opcode, begin, end in self._records(content, block):
             if opcode == Opcode.MESSAGE and end - begin >= _MESSAGE_SIZE:
+                count += 1
                 channel, _, time = _MESSAGE.unpack_from(content, begin)
-                if channel in channels:
-                    found.append((time, channel, content[begin + _MESSAGE_SIZE : end]))
+                if channel + base in channels:
+                    found.append((time, channel + base, content[begin + _MESSAGE_SIZE : end]))
+        if content and count < block.count:
+            self._fault(
+                f"is damaged: the part at byte {block.place} has {count} of {block.count} messages"
+            )
         return found
 
     def _records(self, content: bytes, block: Block) -> Iterator[tuple[int, int, int]]:
@@ -247,7 +328,7 @@ class McapFile:
             opcode, length = unpack(content, place)
             begin = place + _RECORD.size
             place = begin + length
-            if not opcode or place > size:
+            if place > size or length < _LEAST_IN_BLOCK[opcode]:
                 self._fault(f"is damaged: a record in the part at byte {block.place} is left out")
                 start = begin - _RECORD.size + 1
                 following = _next(lambda n, at: content[at : at + n], start, size, self._bound)
@@ -290,6 +371,25 @@ def _next(read: _ReadAt, place: int, size: int, bound: Bound) -> int | None:
     return None
 
 
+def _is_damaged(read: _ReadAt, opcode: int, length: int, place: int) -> bool:
+    """Whether a record is not one of the format or of an application, or a footer within a file."""
+    if opcode == Opcode.FOOTER and length == _LEAST[opcode]:
+        return not MAGIC.startswith(read(len(MAGIC), place + _RECORD.size + length))
+    return opcode < _PRIVATE and not _is_known(opcode, length)
+
+
+def _is_known(opcode: int, length: int) -> bool:
+    """Whether the format defines a record of this length [bytes]."""
+    least, most = _LEAST.get(opcode, 0), _MOST.get(opcode, length)
+    return 0 < opcode < _PRIVATE and least <= length <= most
+
+
+def _appended(read: _ReadAt, begin: int, end: int) -> int | None:
+    """Where another recording begins, whose first bytes a record seems to contain."""
+    place = read(min(end - begin, _FARTHEST), begin).find(MAGIC + bytes([Opcode.HEADER]))
+    return None if place < 0 else begin + place
+
+
 def _end_of(read: _ReadAt, place: int, size: int) -> int:
     """The byte after a known record; 0 if there is none."""
     head = read(_RECORD.size, place)
@@ -297,9 +397,7 @@ def _end_of(read: _ReadAt, place: int, size: int) -> int:
         return 0
     opcode, length = _RECORD.unpack(head)
     after = place + _RECORD.size + int(length)
-    return (
-        after if 0 < opcode < _PRIVATE and length >= _LEAST.get(opcode, 0) and after <= size else 0
-    )
+    return after if _is_known(opcode, length) and after <= size else 0
 
 
 def _end_of_chunk(read: _ReadAt, place: int) -> int:

@@ -52,6 +52,11 @@ def in_order(
     for (_, number, block), horizon in zip(blocks, horizons, strict=False):
         found = files[number].messages(block, channels[number])
         found.sort(key=itemgetter(0))
+        if found and not block.start <= found[0][0] <= found[-1][0] <= block.end:
+            files[number].faults.add(
+                "Messages are outside of the times that their chunk states: some may be "
+                "missing or not in order of time"
+            )
         for time, channel, data in found:
             if not start <= time < end:
                 continue

@@ -65,11 +65,21 @@ class Block:
     """True if the file groups the messages."""
     index: int = 0
     """Byte after the file's index of the block; 0 without one."""
+    base: int = 0
+    """Added to the numbers of its channels, which are those of one recording in the file."""
+    count: int = 0
+    """Number of its messages."""
 
     def add(self, channel: int, time: int) -> None:
         """Note a message."""
         self.start, self.end = min(self.start, time), max(self.end, time)
         self.channels.add(channel)
+        self.count += 1
+
+    def cut(self, end: int) -> None:
+        """Leave out what is behind a byte of the file."""
+        self.until = min(self.until, end)
+        self.size = self.until - self.place
 
 
 class Faults(list[str]):

@@ -25,7 +25,7 @@ def one_file(results: Path, bag: str, folder: Path) -> tuple[Path, list[str]]:
     recording = Recording(results, bag)
     faults = recording.all_faults()
     match recording.files:
-        case [McapFile(is_indexed=True) as file] if not faults:
+        case [McapFile() as file] if file.indexed_chunks and not faults:
             return resolved(results, f"{bag}/{file.name}"), []
     return _copy(recording, folder / "recording.mcap"), recording.all_faults()
 

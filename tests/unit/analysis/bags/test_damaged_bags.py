@@ -3,12 +3,16 @@
 import random
 import resource
 import sqlite3
+import struct
+from collections.abc import Iterator
 from hashlib import sha512
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from support.campaigns.bags import START, Bag, convert_alone, rows
@@ -213,3 +217,144 @@ def test_no_damage_is_a_traceback(tmp_path: Path, storage: StoragePlugin, seed: 
     file.write_bytes(content)
     done = convert(tmp_path / "rosbag2")
     assert {output.path.name for output in done.outputs} <= {"rosbag2_a.csv"}
+
+
+def write_parts(file: Path, topic: str, start: int, count: int, **options: object) -> None:
+    """An MCAP file of small chunks with numbers."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("wb") as stream:
+        writer = McapWriter(stream, chunk_size=300, **options)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/Int32", "ros2msg", b"int32 data")
+        channel = writer.register_channel(topic, "cdr", schema)
+        for number in range(start, start + count):
+            data = b"\0\1\0\0" + number.to_bytes(4, "little")
+            writer.add_message(channel, START + number, data, START + number)
+        writer.finish()
+
+
+def records(content: bytes) -> Iterator[tuple[int, int, int]]:
+    """Place, opcode and length of the records of a whole file."""
+    place = 8
+    while place < len(content) - 8:
+        opcode, length = struct.unpack_from("<BQ", content, place)
+        yield place, opcode, length
+        place += 9 + length
+
+
+def read_numbers(folder: Path, topic: str) -> tuple[list[int], list[str]]:
+    """The numbers on a topic of a bag, and the warnings."""
+    done = convert_alone(folder, TopicsToCsv(topics=[f"/{topic}"]))
+    path = folder.parent / f"{folder.name}_{topic}.csv"
+    found = [int(row["data"]) for row in rows(path)] if path.exists() else []
+    return found, [text for text in done.warnings if "metadata.yaml" not in text]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    opcode=st.integers(0, 255).filter(lambda opcode: opcode != 6),
+    chance=st.randoms(use_true_random=False),
+    compression=st.sampled_from(CompressionType),
+    crcs=st.booleans(),
+)
+def test_no_changed_opcode_loses_messages_without_a_warning(
+    tmp_path_factory: pytest.TempPathFactory,
+    opcode: int,
+    chance: random.Random,
+    compression: CompressionType,
+    crcs: bool,
+) -> None:
+    file = tmp_path_factory.mktemp("t") / "bag" / "bag_0.mcap"
+    write_parts(file, "/n", 0, COUNT, compression=compression, enable_crcs=crcs)
+    content = bytearray(file.read_bytes())
+    chunks = [place for place, code, _ in records(content) if code == 6]
+    content[chance.choice(chunks)] = opcode
+    file.write_bytes(content)
+    found, warnings = read_numbers(file.parent, "n")
+    assert set(found) <= set(range(COUNT))
+    assert len(found) > COUNT * 0.8
+    assert found == list(range(COUNT)) or warnings
+
+
+@settings(max_examples=60, deadline=None)
+@given(opcode=st.integers(0, 127), number=st.integers(0, COUNT - 1), chunks=st.booleans())
+def test_no_changed_opcode_of_a_message_is_silent(
+    tmp_path_factory: pytest.TempPathFactory, opcode: int, number: int, chunks: bool
+) -> None:
+    file = tmp_path_factory.mktemp("t") / "bag" / "bag_0.mcap"
+    options = {"compression": CompressionType.NONE, "enable_crcs": False, "use_chunking": chunks}
+    write_parts(file, "/n", 0, COUNT, **options)
+    content = bytearray(file.read_bytes())
+    message = b"\0\1\0\0" + number.to_bytes(4, "little")
+    content[content.index(message) - 22 - 9] = opcode
+    file.write_bytes(content)
+    found, warnings = read_numbers(file.parent, "n")
+    assert set(range(COUNT)) - {number} <= set(found)
+    assert len(found) == COUNT or warnings
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    counts=st.lists(st.integers(1, 60), min_size=2, max_size=4),
+    topics=st.permutations("abcd"),
+    cut=st.integers(0, 60),
+    compression=st.sampled_from(CompressionType),
+)
+def test_appended_recordings_are_read_with_their_own_topics(
+    tmp_path_factory: pytest.TempPathFactory,
+    counts: list[int],
+    topics: list[str],
+    cut: int,
+    compression: CompressionType,
+) -> None:
+    """Each has its own numbers of channels; the first ones may lack their ends."""
+    file = tmp_path_factory.mktemp("t") / "bag" / "bag_0.mcap"
+    content = b""
+    for number, count in enumerate(counts):
+        content = content[: len(content) - cut]
+        write_parts(file, f"/{topics[number]}", number * 100, count, compression=compression)
+        content += file.read_bytes()
+    file.write_bytes(content)
+    for number, count in enumerate(counts):
+        found, warnings = read_numbers(file.parent, topics[number])
+        assert found == list(range(number * 100, number * 100 + count))
+        assert "appended" in " ".join(warnings)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    first=st.sets(st.integers(0, 30), min_size=1),
+    second=st.sets(st.integers(0, 30), min_size=1),
+    start=st.integers(0, 40),
+    end=st.integers(0, 40),
+    index=st.booleans(),
+)
+def test_wrong_times_of_a_chunk_do_not_change_the_order_without_a_warning(
+    tmp_path_factory: pytest.TempPathFactory,
+    first: set[int],
+    second: set[int],
+    start: int,
+    end: int,
+    index: bool,
+) -> None:
+    folder = tmp_path_factory.mktemp("t") / "bag"
+    for name, numbers_ in (("a", first), ("b", second)):
+        folder.mkdir(exist_ok=True)
+        with (folder / f"{name}.mcap").open("wb") as stream:
+            writer = McapWriter(stream, index_types=IndexType.ALL if index else IndexType.NONE)
+            writer.start()
+            schema = writer.register_schema("std_msgs/msg/Int32", "ros2msg", b"int32 data")
+            channel = writer.register_channel("/n", "cdr", schema)
+            for number in sorted(numbers_):
+                at = START + number
+                writer.add_message(channel, at, b"\0\1\0\0" + number.to_bytes(4, "little"), at)
+            writer.finish()
+    content = bytearray((folder / "a.mcap").read_bytes())
+    (chunk,) = (place for place, code, _ in records(content) if code == 6)
+    struct.pack_into("<QQ", content, chunk + 9, START + start, START + end)
+    (folder / "a.mcap").write_bytes(content)
+    found, warnings = read_numbers(folder, "n")
+    right = sorted([*first, *second])
+    assert sorted(found) == right
+    assert found == right or "not in order of time" in " ".join(warnings)
+    assert not index or found == right
