@@ -17,7 +17,9 @@ def episode_starts(stamps: Times, received: Times) -> list[int]:
     """Return the indexes at which stamps begin a new episode; the first episode is not listed.
 
     Messages that arrive late do not begin an episode, because the stamps catch up with the previous
-    ones by a leap. After a reset, the stamps pass again at the pace of the recording.
+    ones by a leap. After a reset, the stamps pass again at the pace of the recording. At the end of
+    the recording, as many late messages as earlier in the episode do not begin an episode, nor does
+    a single message, unless it is not later than the beginning of the episode.
 
     Args:
         stamps: (n,) stamps of one source in order of receipt [ns].
@@ -28,21 +30,34 @@ def episode_starts(stamps: Times, received: Times) -> list[int]:
         return []
     starts: list[int] = []
     jitter = min(_JITTER, int(stamps.max() - stamps.min()) // 2)
-    latest = int(stamps[0])
+    latest, longest, begin = int(stamps[0]), 0, 0
     for index in backward.tolist():
         latest = max(latest, int(stamps[index - 1]))
         lost = latest - int(stamps[index])
-        if lost > jitter and not _is_late(stamps, received, index, latest):
+        if lost <= jitter:
+            continue
+        late = _late(stamps, received, index, latest)
+        rest = len(stamps) - index
+        if late is None and (longest or stamps[index] > stamps[begin]):
+            late = rest if rest <= longest + 1 else 0
+        if late:
+            longest = max(longest, late)
+        else:
             starts.append(index)
-            latest = int(stamps[index])
+            latest, longest, begin = int(stamps[index]), 0, index
     return starts
 
 
-def _is_late(stamps: Times, received: Times, index: int, latest: int) -> bool:
-    """Whether the stamps from an index on soon catch up with the latest one by a leap."""
-    later = np.flatnonzero(stamps[index : index + _LATE] > latest)
+def _late(stamps: Times, received: Times, index: int, latest: int) -> int | None:
+    """Number of stamps from an index on until they catch up with the latest one by a leap.
+
+    Returns:
+        0 if they do not soon or not by a leap; None if the recording ends before.
+    """
+    following = stamps[index : index + _LATE]
+    later = np.flatnonzero(following > latest)
     if not len(later):
-        return False
+        return 0 if len(following) == _LATE else None
     end = index + int(later[0])
     leap = int(stamps[end] - stamps[end - 1]) - int(received[end] - received[end - 1])
-    return leap * 4 > (latest - int(stamps[index])) * 3
+    return int(later[0]) if leap * 4 > (latest - int(stamps[index])) * 3 else 0

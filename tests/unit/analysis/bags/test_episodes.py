@@ -78,19 +78,37 @@ def test_small_differences_in_order_are_no_episodes(late: list[int], received: b
     assert episode_starts(stamps, times) == []
 
 
-@given(st.integers(1, 30), st.integers(1, 8), st.booleans())
-def test_two_publishers_of_a_frame_are_no_episodes(lag: int, each: int, received: bool) -> None:
-    """One publishes every 0.1 s and is up to 3 s behind the other, which publishes less often."""
+@given(st.integers(1, 30), st.integers(1, 8), st.booleans(), st.integers(0, 20))
+def test_two_publishers_of_a_frame_are_no_episodes(
+    lag: int, each: int, received: bool, lost: int
+) -> None:
+    """One publishes every 0.1 s and is up to 3 s behind the other, which publishes less often.
+
+    The recording ends anywhere.
+    """
     each = min(each, lag)  # otherwise the late one catches up without a leap, as after a reset
     both = [
         (now, stamp)
         for now in range(lag, 200)
         for stamp in ([now] if now % each == 0 else []) + [now - lag]
     ]
-    last = max(place for place, (now, stamp) in enumerate(both) if now == stamp)
-    stamps = np.array([stamp for _, stamp in both[: last + 1]], dtype=np.int64) * 100_000_000
-    times = np.array([now for now, _ in both[: last + 1]], dtype=np.int64) * 100_000_000
+    both = both[: len(both) - lost]
+    stamps = np.array([stamp for _, stamp in both], dtype=np.int64) * 100_000_000
+    times = np.array([now for now, _ in both], dtype=np.int64) * 100_000_000
     assert episode_starts(stamps, times if received else times * 0) == []
+
+
+@given(st.integers(12, 60), st.floats(0, 1), st.integers(1, 40), st.booleans())
+def test_the_end_of_a_recording_is_a_reset_only_if_it_is_clear(
+    count: int, share: float, rest: int, received: bool
+) -> None:
+    """A stamp every 0.1 s, then a jump back to any of them, after which the recording ends."""
+    back = round(share * (count - 7))
+    steps = [*range(count), *range(back, back + min(rest, count - back))]
+    stamps = np.array(steps, dtype=np.int64) * 100_000_000
+    times = np.arange(len(steps)) * 100_000_000 * received
+    clear = rest > 1 or back == 0
+    assert episode_starts(stamps, times) == ([count] if clear else [])
 
 
 def test_fixed_transforms_survive_a_reset_until_they_are_replaced() -> None:
