@@ -12,6 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from robovast.analysis.tables.csv_files import column_names
 from robovast.base.atomic import part_name, put_in_place
 from robovast.base.safe_paths import create_file
 
@@ -31,7 +32,7 @@ def no_columns(_key: Key) -> list[list[str]]:
 
 
 class Table:
-    """A CSV file: leading columns, then the others sorted by name.
+    """A CSV file: leading columns, then the others sorted by name. Equal names get numbers.
 
     Every row has a key that determines its cells. Rows are written immediately; if their keys
     differ, the file is rewritten at the end with the columns of all keys.
@@ -101,7 +102,8 @@ class Table:
     def _switch(self, key: Key) -> None:
         self._end_run()
         if not self._runs:
-            self._file.write((",".join([*self._leading, *self._sorted(key)]) + "\n").encode())
+            names = column_names([*self._leading, *self._sorted(key)], ())
+            self._file.write((",".join(names) + "\n").encode())
         self._order = self._orders(key)
         self._key, self._count = key, 0
 
@@ -134,7 +136,7 @@ class Table:
             rows = csv.reader(source)
             next(rows, None)
             writer = csv.writer(target, lineterminator="\n")
-            writer.writerow(title(name) for _, name in columns)
+            writer.writerow(column_names([title(name) for _, name in columns], ()))
             spread = {key: self._spread(key, columns) for key in keys}
             for key, count in self._runs:
                 order = spread[key]

@@ -1,15 +1,20 @@
 """Messages of any type become rows, each field a column."""
 
 import math
+import re
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
-from support.campaigns.bags import START, Bag, convert_alone, rows, typestore
+from support.campaigns.bags import SECOND, START, Bag, convert_alone, rows, typestore
 
-from robovast.model.document.commands import TopicsToCsv
+from robovast.analysis.tables.csv_files import column_names
+from robovast.model.document.commands import ActionToCsv, TopicsToCsv
 from rosbags_common import gen_msg_values
 
 CUSTOM = """\
@@ -215,3 +220,55 @@ def test_a_damaged_length_is_noticed_at_once(tmp_path: Path) -> None:
         bag.write_raw("/a", "my_msgs/msg/Many", b"\x00\x01\x00\x00" + b"\xff" * 8)
     (warning,) = [text for text in convert(bag.folder, "/a") if "left out" in text]
     assert warning.endswith("they are not valid my_msgs/msg/Many messages (wrong length)")
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    names=st.lists(
+        st.sampled_from(["timestamp", "type", "timestamp_2", "type_2", "a", "run_id", "value"]),
+        min_size=1,
+        unique=True,
+    ),
+    shapes=st.booleans(),
+)
+def test_columns_have_different_names_in_csv_and_sql(
+    tmp_path_factory: pytest.TempPathFactory, names: list[str], shapes: bool
+) -> None:
+    """Whatever the fields are called, and whether or not rows have different columns."""
+    tmp_path = tmp_path_factory.mktemp("t")
+    text = "".join(f"int32 {name}\n" for name in names) + "int32[] list\n"
+    with Bag(tmp_path / "rosbag2", typestore(my_msgs__msg__Own=text)) as bag:
+        for count in (0, int(shapes)):
+            numbers = [*range(100, 100 + len(names)), count, *range(count)]
+            data = b"\0\1\0\0" + struct.pack(f"<{len(numbers)}i", *numbers)
+            bag.write_raw("/a", "my_msgs/msg/Own", data)
+    assert convert(bag.folder, "/a") == []
+    path = tmp_path / "rosbag2_a.csv"
+    header = path.read_text().splitlines()[0].split(",")
+    assert header[:2] == ["timestamp", "type"]
+    assert column_names(header) == header
+    first, second = rows(path)
+    for number, name in enumerate(names, 100):
+        taken = [column for column in header if first[column] == str(number)]
+        assert len(taken) == 1
+        assert taken[0] == name or re.fullmatch(f"{name}_[0-9]+", taken[0])
+        assert second[taken[0]] == str(number)
+    assert first["timestamp"] == str(START)
+    assert first["type"] == "my_msgs/msg/Own"
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.permutations(["timestamp", "a_b", "a_b_2"]))
+def test_columns_of_actions_have_different_names(
+    tmp_path_factory: pytest.TempPathFactory, names: list[str]
+) -> None:
+    tmp_path = tmp_path_factory.mktemp("t")
+    text = "".join(f"int32 {name}\n" for name in names)
+    text += f"my_msgs/B a\n{'=' * 80}\nMSG: my_msgs/B\nint32 b\n"
+    with Bag(tmp_path / "rosbag2", typestore(my_msgs__msg__Own=text)) as bag:
+        data = b"\0\1\0\0" + struct.pack("<4i", 1, 2, 3, 4)
+        bag.write_raw("/go/_action/feedback", "my_msgs/msg/Own", data)
+    convert_alone(bag.folder, ActionToCsv(action="go"))
+    (row,) = rows(tmp_path / "action_go_feedback.csv")
+    assert sorted(row.values(), key=float)[:4] == ["1", "2", "3", "4"]
+    assert float(row["timestamp"]) == START / SECOND
