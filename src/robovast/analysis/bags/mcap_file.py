@@ -225,8 +225,9 @@ class McapFile:
         elif _PRIVATE <= opcode < _APPLICATION:
             self._fault(f"has a record of the unknown kind {opcode} at byte {place}")
         elif opcode == Opcode.HEADER and place > len(MAGIC):
-            if os.pread(file.fileno(), len(MAGIC), place - len(MAGIC)) == MAGIC:
-                self._base += _CHANNELS
+            follows = os.pread(file.fileno(), len(MAGIC), place - len(MAGIC)) == MAGIC
+            self._base += _CHANNELS * follows
+            if follows:
                 self._fault(f"has another recording appended at byte {place}, which is also read")
 
     def _index(self, chunk: Block, head: bytes, place: int, after: int) -> None:
