@@ -110,8 +110,9 @@ class McapFile:
         self._open, self._types, self._bound = open_file, types, bound
         self._schemas: dict[int, Definition] = {}
         self._channels: dict[int, tuple[int, str, str]] = {}
-        self._base = self._stated = 0
-        """What distinguishes the channels of appended recordings, and the messages they state."""
+        self._base = self._stated = self._part = 0
+        """Added to the channels of a recording; number of messages by the summaries; where an
+        appended recording begins."""
         with open_file() as file:
             magic = file.read(len(MAGIC))
             if magic != MAGIC:
@@ -148,15 +149,14 @@ class McapFile:
         return found
 
     def _scan(self, file: BinaryIO, size: int) -> None:
-        after, read = len(MAGIC), partial(os.pread, file.fileno())
-        part = after
-        while True:
-            place = after
+        following: int | None = len(MAGIC)
+        while following is not None:
+            place = following
             file.seek(place)
             head = file.read(_BEGINNING)
             if head.startswith(MAGIC):
-                after = place + len(MAGIC)
-                if after == size:
+                following = place + len(MAGIC)
+                if following == size:
                     return
                 continue
             if len(head) < _RECORD.size:
@@ -164,38 +164,44 @@ class McapFile:
                 self._doubt_index()
                 return
             opcode, length = _RECORD.unpack_from(head)
-            after = place + _RECORD.size + length
+            following = place + _RECORD.size + length
             if self._bound.reached() or len(self.blocks) > _MOST_BLOCKS:
                 self._fault(f"has too many records; those after byte {place} are left out")
                 self.complete = False
                 return
-            if after > size or _is_damaged(read, opcode, length, place):
+            read = partial(os.pread, file.fileno())
+            if following > size or _is_damaged(read, opcode, length, place):
                 self._doubt_index()
-                is_cut = opcode == Opcode.CHUNK and _end_of_chunk(read, place) == after
-                begin = max(part, self.blocks[-1].place + 1 if self.blocks else 0)
-                appended = _appended(read, begin, size if is_cut else place)
-                if appended:
-                    self._fault(f"is cut off at byte {appended}, where another recording begins")
-                    if appended > place:
-                        self._add(file, opcode, head, place, appended)
-                    elif self.blocks:
-                        self.blocks[-1].cut(appended)
-                    after, part = appended, appended + 1
-                    continue
-                following = None if is_cut else _next(read, place + 1, size, self._bound)
-                if following is None and after > size and 0 < opcode < _PRIVATE:
-                    self._fault(_NO_END)
-                    self._add(file, opcode, head, place, size)
-                    return
-                self._fault(
-                    f"is damaged at byte {place}; it cannot be read from there to "
-                    f"{'its end' if following is None else f'byte {following}'}"
-                )
-                if following is None:
-                    return
-                after = following
+                following = self._after_damage(file, head, place, size)
             else:
-                self._add(file, opcode, head, place, after)
+                self._add(file, opcode, head, place, following)
+
+    def _after_damage(self, file: BinaryIO, head: bytes, place: int, size: int) -> int | None:
+        """Where reading continues after a damaged record; None if nothing follows."""
+        read = partial(os.pread, file.fileno())
+        opcode, length = _RECORD.unpack_from(head)
+        after = place + _RECORD.size + length
+        is_cut = opcode == Opcode.CHUNK and _end_of_chunk(read, place) == after
+        begin = max(self._part, self.blocks[-1].place if self.blocks else 0) + 1
+        appended = _appended(read, begin, size if is_cut else place)
+        if appended:
+            self._fault(f"is cut off at byte {appended}, where another recording begins")
+            self._part = appended
+            if appended > place:
+                self._add(file, opcode, head, place, appended)
+            elif self.blocks:
+                self.blocks[-1].cut(appended)
+            return appended
+        following = None if is_cut else _next(read, place + 1, size, self._bound)
+        if following is None and after > size and 0 < opcode < _PRIVATE:
+            self._fault(_NO_END)
+            self._add(file, opcode, head, place, size)
+            return None
+        self._fault(
+            f"is damaged at byte {place}; it cannot be read from there to "
+            f"{'its end' if following is None else f'byte {following}'}"
+        )
+        return following
 
     def _add(self, file: BinaryIO, opcode: int, head: bytes, place: int, after: int) -> None:
         if opcode == Opcode.MESSAGE and len(head) >= _HEAD.size:
@@ -215,20 +221,25 @@ class McapFile:
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL) and after - place <= LARGEST:
             begin = place + _RECORD.size
             self._define(opcode, os.pread(file.fileno(), after - begin, begin), self._base)
-        elif opcode == Opcode.CHUNK_INDEX:
+        else:
+            self._note(file, opcode, place, after)
+
+    def _note(self, file: BinaryIO, opcode: int, place: int, after: int) -> None:
+        """Add a record that describes the file."""
+        if opcode == Opcode.CHUNK_INDEX:
             self.indexed_chunks += 1
-        elif opcode == Opcode.STATISTICS:
+        elif opcode == Opcode.STATISTICS and after - place >= _RECORD.size + _STATISTICS.size:
             numbers = os.pread(file.fileno(), _STATISTICS.size, place + _RECORD.size)
             count, *_, rest = _STATISTICS.unpack(numbers)
             if place + _RECORD.size + _STATISTICS.size + rest == after:
                 self._stated += count
+        elif opcode == Opcode.HEADER and place > len(MAGIC):
+            if os.pread(file.fileno(), len(MAGIC), place - len(MAGIC)) != MAGIC:
+                return
+            self._base += _CHANNELS
+            self._fault(f"has another recording appended at byte {place}, which is also read")
         elif _PRIVATE <= opcode < _APPLICATION:
             self._fault(f"has a record of the unknown kind {opcode} at byte {place}")
-        elif opcode == Opcode.HEADER and place > len(MAGIC):
-            follows = os.pread(file.fileno(), len(MAGIC), place - len(MAGIC)) == MAGIC
-            self._base += _CHANNELS * follows
-            if follows:
-                self._fault(f"has another recording appended at byte {place}, which is also read")
 
     def _index(self, chunk: Block, head: bytes, place: int, after: int) -> None:
         """Add the index of a channel's messages to the chunk in front of it."""

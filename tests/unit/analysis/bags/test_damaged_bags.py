@@ -358,3 +358,15 @@ def test_wrong_times_of_a_chunk_do_not_change_the_order_without_a_warning(
     assert sorted(found) == right
     assert found == right or "not in order of time" in " ".join(warnings)
     assert not index or found == right
+
+
+def test_a_file_may_end_at_any_byte_of_its_summary(tmp_path: Path) -> None:
+    file = tmp_path / "bag" / "bag_0.mcap"
+    write_parts(file, "/n", 0, 10)
+    content = file.read_bytes()
+    (end,) = (place for place, opcode, _ in records(content) if opcode == 0x0F)
+    for size in range(end, len(content)):
+        file.write_bytes(content[:size])
+        found, warnings = read_numbers(file.parent, "n")
+        assert found == list(range(10))
+        assert "bag_0.mcap has no end: its recorder was stopped while writing" in warnings
