@@ -120,6 +120,13 @@ describe("matrix", () => {
     expect(found[1]![1]!.measured).toBe(1);
   });
 
+  it("keeps a number, the text of the number, a list and the text of the list apart", () => {
+    const { labels, group } = axis(campaign({ x: [1, "1", [1, 2], "1, 2", "[1,2]"] }, []), "x");
+    expect(new Set(group).size).toBe(5);
+    expect(new Set(labels).size).toBe(5);
+    expect(labels).toContain('"1"');
+  });
+
   it("puts many numbers into ranges that hold every one", () => {
     const values = Array.from({ length: 500 }, (_, index) => (index * 37) % 500);
     const { labels, group } = axis(campaign({ x: values }, []), "x");

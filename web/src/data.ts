@@ -69,7 +69,18 @@ function distinct(values: unknown[]): number {
 
 /** What is equal for equal values; quicker than their text. */
 function identity(value: unknown): unknown {
-  return value !== null && typeof value === "object" ? JSON.stringify(value) : value;
+  return value !== null && typeof value === "object" ? `\0${JSON.stringify(value)}` : value;
+}
+
+/** Texts of different values; text is in quotes where another value has the same. */
+function labelsOf(values: unknown[]): string[] {
+  const texts = values.map(brief);
+  const counts = new Map<string, number>();
+  for (const text of texts) counts.set(text, (counts.get(text) ?? 0) + 1);
+  return texts.map((text, index) => {
+    const isAmbiguous = typeof values[index] === "string" && counts.get(text)! > 1;
+    return isAmbiguous ? JSON.stringify(text) : text;
+  });
 }
 
 /** A value as text. */
@@ -280,7 +291,7 @@ export function axis(data: Columns, parameter: string): Axis {
   const different = [...new Map(values.map((value) => [identity(value), value])).values()].sort(order);
   if (different.length <= MOST_GROUPS || !different.every((value) => typeof value === "number")) {
     const place = new Map(different.map((value, index) => [identity(value), index]));
-    return { labels: different.map(brief), group: values.map((value) => place.get(identity(value))!) };
+    return { labels: labelsOf(different), group: values.map((value) => place.get(identity(value))!) };
   }
   return ranges(values as number[], different as number[]);
 }

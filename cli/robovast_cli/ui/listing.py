@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from robovast.base.printable import printable_json
-from robovast.base.serialization import dump_yaml
+from robovast.base.serialization import dump_yaml, spelled
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
 from robovast.model.document.execution import Execution
@@ -80,7 +80,7 @@ def _cells(variant: Variant, internal: bool) -> dict[str, str]:
 
 
 def _cell(value: Any) -> str:
-    return shortened(value if isinstance(value, str) else _to_json(value), WIDEST_CELL)
+    return shortened(spelled(value), WIDEST_CELL)
 
 
 def runs_of_each(execution: Execution) -> str:

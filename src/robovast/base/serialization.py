@@ -64,9 +64,28 @@ def dump_yaml_documents(documents: Iterable[Any]) -> str:
     return "---\n".join(dump_yaml(document) for document in documents)
 
 
+def spelled(value: Any) -> str:
+    """A value in one line, different for different values.
+
+    Text is in quotes if it could be another value, or if its beginning or end cannot be seen.
+    """
+    if not isinstance(value, str):
+        return _TO_LINE.encode(value)
+    return _TO_LINE.encode(value) if value.strip() != value or _is_json(value) else value
+
+
+def _is_json(text: str) -> bool:
+    try:
+        json.loads(text or "null")
+    except (ValueError, RecursionError):
+        return False
+    return True
+
+
 def fingerprint(data: Any) -> str:
     """SHA-256 of plain data, equal for equal data on all machines."""
     return hashlib.sha256(_ENCODER.encode(data).encode()).hexdigest()
 
 
+_TO_LINE = json.JSONEncoder(ensure_ascii=False, default=str)
 _ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), default=str)

@@ -8,7 +8,6 @@ nor the likeness of the runs of one configuration makes chance look like a cause
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,6 +17,7 @@ from math import isfinite, sqrt
 from random import Random
 from typing import Any
 
+from robovast.base.serialization import spelled
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns
 
@@ -159,8 +159,8 @@ def _column(values: Sequence[Any]) -> _Column:
 
 
 def as_text(value: Any) -> str:
-    """A value of a factor as text; equal for equal values."""
-    return value if isinstance(value, str) else json.dumps(value, default=str)
+    """A value of a factor as text, equal for equal values only: `1` and the text `"1"` differ."""
+    return spelled(int(value) if is_number(value) and value == int(value) else value)
 
 
 def is_number(value: Any) -> bool:

@@ -29,6 +29,16 @@ def test_list_is_a_table(vast, sweep) -> None:
     assert vast("config", "list").out == TABLE
 
 
+def test_different_values_are_different_in_the_table(vast, sweep) -> None:
+    own = sweep.read_text().replace("speed: 0.1 ", "goal: VALUE ")
+    shown = {}
+    for value in ("a", "'a '", "''", "' '", "'12'", "'[\"1\", 2]'", "'true'", "'\"a\"'"):
+        sweep.write_text(own.replace("VALUE", value))
+        shown[value] = vast("config", "list").out
+    assert len(set(shown.values())) == len(shown)
+    assert '"12"' in shown["'12'"]
+
+
 def test_list_formats_agree(vast, sweep) -> None:
     as_json = json.loads(vast("config", "list", "-o", "json").out)
     assert as_json == yaml.safe_load(vast("config", "list", "-o", "yaml").out)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robovast.base.serialization import spelled
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.matrix import MOST_GROUPS, RANGES, Cell, matrix
 from robovast.evaluation.summaries import RunSummary, VariantRuns
@@ -20,6 +25,27 @@ def test_interrupted_runs_do_not_count_and_values_are_in_order() -> None:
     assert found.across.labels == ["2", "10", "b", "–"]
     assert found.down.labels == [""]
     assert found.cells == [[Cell(4, 6), Cell(2, 3), Cell(2, 3), Cell(2, 3)]]
+
+
+VALUES = st.recursive(
+    st.sampled_from([1, 2, 0.5, True, None, "1", "2", "0.5", "true", "null", "", " ", "a", "a "])
+    | st.sampled_from(['"a"', "[1]", '["1", 2]', "NaN", "{}", "[1", "–x"]),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.just("k"), inner, max_size=1),
+    max_leaves=3,
+)
+
+
+@given(st.lists(VALUES, min_size=2, max_size=6))
+def test_values_of_different_types_are_never_one_group(values: list[Any]) -> None:
+    found = matrix(variants("x", values), ["x"]).across
+    kinds = [json.dumps(value) for value in values]
+    assert len(set(zip(kinds, found.group, strict=True))) == len(set(kinds)) == len(found.labels)
+    assert len(set(found.labels)) == len(found.labels)
+    assert len({spelled(value) for value in values}) == len(set(kinds))
+
+
+def test_equal_numbers_are_one_group() -> None:
+    assert matrix(variants("x", [1, 1.0, "1"]), ["x"]).across.labels == ["1", '"1"']
 
 
 def test_lists_are_in_order_item_by_item() -> None:
