@@ -109,16 +109,22 @@ def _no_report(why: str) -> TestResult:
 
 
 _SUITES = ("testsuite", "testsuites")
+_HOLDERS = {**dict.fromkeys(_SUITES, "suite"), "testcase": "test case"}
 _BAD = frozenset({"failure", "error", "rerunfailure", "rerunerror", "flakyfailure", "flakyerror"})
 """Child elements of a failed case, lower case; Surefire's report failed executions."""
 _NOT_RUN = frozenset({"skipped", "disabled", "ignored"})
 """Child elements of a case that was not executed."""
-_BAD_COUNTS = ("failures", "errors", "flakes", "failed")
-_NOT_RUN_COUNTS = ("skipped", "disabled", "ignored", "notrun", "skips", "skip")
+_BAD_COUNTS = (
+    *("failures", "failure", "failed", "errors", "error", "flakes"),
+    *("timedout", "aborted", "crashed", "broken", "unexpected"),
+)
+_NOT_RUN_COUNTS = (
+    *("skipped", "disabled", "ignored", "notrun", "not-run", "skips", "skip", "inconclusive"),
+)
 _QUIET = frozenset(
     {"properties", "property", "system-out", "system-err", "attachments", "annotations"}
 )
-"""Child elements of a case that do not change its outcome."""
+"""Child elements of a suite or case that do not change its outcome."""
 _STATES = {
     **dict.fromkeys(
         ("", "run", "completed", "passed", "pass", "success", "successful", "ok", "fixed"), "ran"
@@ -130,7 +136,12 @@ _STATES = {
     ),
     **dict.fromkeys(("undefined", "hook_error", "cleanup_error"), "bad"),
 }
-"""Meaning of `status` and `result`, as written by GoogleTest, CTest, behave and others."""
+"""Meaning of `_STATE_KEYS`, as written by GoogleTest, CTest, behave and others."""
+_FLAGS = {
+    "success": {"true": "ran", "1": "ran", "false": "bad", "0": "bad"},
+    "executed": {"true": "ran", "1": "ran", "false": "not run", "0": "not run"},
+}
+"""Meaning of truth values, as written by NUnit and others."""
 _SKIPPED_BY_CTEST = ("SKIP_RETURN_CODE=", "SKIP_REGULAR_EXPRESSION_MATCHED", "Disabled")
 """Beginnings of the reasons for which CTest does not count a test that did not run as failed."""
 
@@ -144,7 +155,8 @@ class _Suite:
 
     said: int = 0
     """Number of tests that the suite declares."""
-    said_not_run: int = 0
+    said_not_run: Sequence[int] = ()
+    """Its counters of tests that did not run."""
     skipped: bool = False
     """Whether the suite declares that it did not run."""
     catch2: bool = False
@@ -193,15 +205,16 @@ class _Report:
             self._start_suite(name, said)
         elif name == "testcase":
             self._start_case(said)
-        elif name in _NOT_RUN:
+        elif name in _NOT_RUN and self._open[-1:] == ["testcase"]:
             self._skip(dict(said).get("message", "").strip())
         elif name in _BAD:
             self._bad += 1
             self._text = []
             message = dict(said).get("message", "").strip()
             self._failures.setdefault(name, (message, self._text))
-        elif self._open[-1:] == ["testcase"] and name not in _QUIET:
-            self._doubt = f"a test case contains a `{name[:40]}`, which is not known"
+        elif self._open and self._open[-1] in _HOLDERS and name not in _QUIET:
+            what = _HOLDERS[self._open[-1]]
+            self._doubt = f"a {what} contains a `{name[:40]}`, which is not known"
         elif ("name", "start_time") in said and self._started_at is None:
             self._started_at = seconds(dict(said).get("value"))
         self._open.append(name)
@@ -209,8 +222,9 @@ class _Report:
     def _start_suite(self, name: str, said: _Attributes) -> None:
         self._suite_count += name == "testsuite"
         states = self._known_states("suite", said)
-        self._bad += _count(said, *_BAD_COUNTS) + states.count("bad")
-        suite = _Suite(_count(said, "tests"), _count(said, *_NOT_RUN_COUNTS), "not run" in states)
+        self._bad += sum(_counts(said, *_BAD_COUNTS)) + states.count("bad")
+        not_run = _counts(said, *_NOT_RUN_COUNTS)
+        suite = _Suite(sum(_counts(said, "tests")), not_run, "not run" in states)
         suite.catch2 = ("hostname", "tbd") in said
         suite.may_be_catch2 = self._bare and self._root == "testsuites"
         self._suites.append(suite)
@@ -223,7 +237,7 @@ class _Report:
         suite.cases += 1
         suite.may_be_catch2 &= [pair for pair in said if pair[0] in _STATE_KEYS] == _CATCH2_STATE
         states = self._known_states("test case", said)
-        self._bad += states.count("bad")
+        self._bad += sum(_counts(said, *_BAD_COUNTS)) + states.count("bad")
         self._case_not_run = "not run" in states
         self._not_started = ("status", "notrun") in said
 
@@ -233,11 +247,11 @@ class _Report:
             self._doubt = f"a test case could not be run: {why[:80] or 'no reason is given'}"
 
     def _known_states(self, what: str, said: _Attributes) -> list[str]:
-        """Meaning of each `status` and `result`; an unknown one makes the report inconclusive."""
+        """Meaning of each state; an unknown one makes the report inconclusive."""
         found = []
         for key, text in said:
-            if key in _STATE_KEYS:
-                state = _STATES.get(text.strip().lower())
+            if key in _STATE_KEYS or key in _FLAGS:
+                state = _FLAGS.get(key, _STATES).get(text.strip().lower())
                 if state is None:
                     self._doubt = f"a {what} has the {key} `{text[:40]}`, which is not known"
                 else:
@@ -261,7 +275,9 @@ class _Report:
 
     def _end_suite(self, suite: _Suite) -> None:
         catch2 = suite.cases > 0 and (suite.catch2 or suite.may_be_catch2)
-        not_run = suite.not_run if catch2 else max(suite.not_run, suite.said_not_run)
+        not_run = suite.not_run
+        if not catch2 and not_run < max(suite.said_not_run, default=0):
+            not_run = min(sum(suite.said_not_run), suite.cases)
         self._suites[-1].cases += suite.cases
         self._suites[-1].not_run += suite.cases if suite.skipped else not_run
         if suite.said > suite.cases and not catch2:
@@ -321,21 +337,21 @@ def _plain(name: str) -> str:
     return name.rpartition("}")[2].lower()
 
 
-_STATE_KEYS = ("status", "result")
+_STATE_KEYS = ("status", "result", "outcome", "state")
 _CATCH2_STATE = [("status", "run")]
 _COUNT = re.compile(r"\s*([0-9]{0,18})(?:\.0*)?\s*")
 
 
-def _count(said: _Attributes, *names: str) -> int:
-    """Sum of all counters with these names; some tools write `1.0`."""
-    total = 0
+def _counts(said: _Attributes, *names: str) -> list[int]:
+    """All counters with these names; some tools write `1.0`, or truth values."""
+    found = []
     for name, text in said:
         if name in names:
-            number = _COUNT.fullmatch(text)
+            number = _COUNT.fullmatch({"true": "1", "false": "0"}.get(text.lower(), text))
             if number is None:
                 raise ValueError(f"`{name}` is {text[:40]}, which is not a count")
-            total += int(number[1] or 0)
-    return total
+            found.append(int(number[1] or 0))
+    return found
 
 
 _LATEST = float(1 << 33)

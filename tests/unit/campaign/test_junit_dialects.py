@@ -133,3 +133,81 @@ def test_a_comma_in_a_time_counts_only_where_it_has_one_meaning(
 ) -> None:
     result = result_of(tmp_path, f'<testsuite time="{text}"><testcase/></testsuite>')
     assert (result.verdict, result.duration) == (Verdict.PASSED, seconds)
+
+
+NOT_RUN = ["skipped", "skips", "skip", "disabled", "ignored", "notrun", "not-run"]
+
+
+@given(
+    suites=st.lists(
+        st.tuples(
+            st.integers(0, 3),
+            st.integers(0, 3),
+            st.sets(st.sampled_from(NOT_RUN), max_size=4),
+            st.booleans(),
+        ),
+        min_size=1,
+        max_size=4,
+    ),
+    nested=st.booleans(),
+)
+def test_counters_of_one_case_do_not_hide_executed_ones(tmp_path_factory, suites, nested) -> None:
+    """Several counters may count the same cases, and one may be larger than its suite."""
+    text, executed = "", 0
+    for ran, skipped, counters, bare in suites:
+        # a suite whose only mark is a counter that is too large did not run
+        marks = "<testcase/>" * (ran + skipped) if bare else "<testcase/>" * ran
+        marks += "" if bare else "<testcase><skipped/></testcase>" * skipped
+        counted = dict.fromkeys(counters, skipped) if not bare else {"skipped": 5 + ran}
+        said = "".join(f' {name}="{count}"' for name, count in counted.items())
+        text += f'<testsuite tests="{ran + skipped}"{said}>{marks}</testsuite>'
+        executed += 0 if bare else ran
+    text = f"<testsuites>{f'<testsuite>{text}</testsuite>' if nested else text}</testsuites>"
+    result = result_of(tmp_path_factory.mktemp("c"), text)
+    assert result.verdict is (Verdict.PASSED if executed else Verdict.ERRORED), result.reason
+
+
+CASE_SAYS = [
+    'success="false"',
+    'success="0"',
+    'outcome="failed"',
+    'outcome="Error"',
+    'outcome="exploded"',
+    'state="failed"',
+    'state="aborted"',
+    'result="timeout"',
+    'executed="false"',
+    'failures="1"',
+    'error="true"',
+]
+COUNTERS = ["failure", "error", "failed", "timedout", "aborted", "crashed", "broken", "unexpected"]
+ELEMENTS = ["crash", "timeout", "fatal", "skipped", "case", "failures"]
+ORDINARY = [
+    'assertions="1"',
+    'file="a.py" line="3"',
+    'classname="c" time="0.1" device="x"',
+    'success="True" executed="True"',
+    'outcome="passed"',
+    'state="completed"',
+    'timestamp="2026-01-01T00:00:00" hostname="h" id="0" package="p"',
+    'retries="0" flaky="false" type="t"',
+    'failures="0" errors="0" timedout="0" aborted="0" failure="false"',
+]
+
+
+@given(
+    fault=st.sampled_from(CASE_SAYS).map(lambda said: (said, "", ""))
+    | st.sampled_from(COUNTERS).map(lambda name: ("", f'{name}="1"', ""))
+    | st.sampled_from(ELEMENTS).map(lambda name: ("", "", f"<{name}/>")),
+    ordinary=st.tuples(st.sampled_from(ORDINARY), st.sampled_from(ORDINARY)),
+    upper=st.booleans(),
+)
+def test_nothing_that_speaks_of_a_failure_passes(tmp_path_factory, fault, ordinary, upper) -> None:
+    def verdict(case: str, suite: str, element: str) -> Verdict:
+        if upper and "=" in case:
+            case = case.split("=")[0].upper() + "=" + case.split("=", 1)[1].upper()
+        text = f"<testsuite {suite}>{element}<testcase {case}/></testsuite>"
+        return result_of(tmp_path_factory.mktemp("c"), text).verdict
+
+    assert verdict(*fault) in {Verdict.FAILED, Verdict.ERRORED}
+    assert verdict(ordinary[0], ordinary[1].replace("executed", "x"), "") is Verdict.PASSED
