@@ -112,7 +112,8 @@ _ROOM = (
 def troubles_of(pod: Object) -> Iterator[Trouble]:
     """The causes that hinder a pod, or ended it."""
     status: Object = pod.get("status") or {}
-    if status.get("phase") == "Failed" and text(status.get("reason")) and not has_verdict(pod):
+    ended_by_us = has_verdict(pod) and foreign_names(pod)
+    if status.get("phase") == "Failed" and text(status.get("reason")) and not ended_by_us:
         reason = "Evicted" if status["reason"] == "Evicted" else "Rejected"
         node = text(pod["spec"].get("nodeName"), "?")
         message = f"the node {node} has ended a pod ({status['reason']}): "

@@ -113,8 +113,8 @@ def test_a_message_that_was_cut_counts_all_the_same() -> None:
 
 
 def test_an_exit_code_alone_says_that_one_run_was_bad() -> None:
-    assert reports_of([pod(0, ended("agent", 10))]) == {0: Report(failed=1)}
-    assert reports_of([pod(0, ended("agent", 11))]) == {0: Report(errored=1)}
+    assert reports_of([pod(0, ended("agent", 10))]) == {0: Report(failed=1, stored=True)}
+    assert reports_of([pod(0, ended("agent", 11))]) == {0: Report(errored=1, stored=True)}
 
 
 def test_runs_that_a_later_pod_may_have_stored_are_undecided() -> None:
