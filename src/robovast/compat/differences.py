@@ -12,10 +12,11 @@ from robovast.base.plugins import plugins_of, split_file_reference
 from robovast.common.execution import campaign_prefix
 from robovast.model.document import Document
 from robovast.model.document.commands import GROUP
+from robovast.model.document.declared import apply_types
 from robovast.model.document.files import match_run_files
 from robovast.model.document.ignored import contract_environment
 from robovast.model.document.section import PluginCall
-from robovast.model.document.source import KeyPath
+from robovast.model.document.source import KeyPath, Source
 from robovast.model.scenario import parameter_types
 
 _OTHER_PLACES = "the same seed gives other places than there"
@@ -42,7 +43,7 @@ _PLAN_WORDS = {
 
 def differences(document: Document) -> list[Problem]:
     """Parts of a document that mean something else than in the existing tool, in file order."""
-    found = (_of_document, _of_variations, _of_plans, _of_postprocessing)
+    found = (_of_document, _of_texts, _of_variations, _of_plans, _of_postprocessing)
     return sorted((p for kind in found for p in kind(document)), key=lambda p: p.place)
 
 
@@ -73,24 +74,37 @@ def _of_document(document: Document) -> Iterator[Problem]:
 
 
 def _of_variations(document: Document) -> Iterator[Problem]:
-    types = parameter_types(document.scenario)
     for index, entry in enumerate(document.vast.configuration or ()):
         for position, call in enumerate(entry.variations or ()):
             path = ("configuration", index, "variations", position)
-            for message in (*_of_variation(call, types), *_of_navigation(call)):
+            for message in (*_of_variation(call), *_of_navigation(call)):
                 yield document.source.problem(path, f"{call.name}: {message}")
 
 
-def _of_variation(call: PluginCall, types: dict[str, str]) -> Iterator[str]:
+def _of_texts(document: Document) -> Iterator[Problem]:
+    """Values that keep their text, because the scenario declares `string`."""
+    types = parameter_types(document.scenario)
+    read, typed = Source.read(document.source.file), Source.read(document.source.file)
+    kept: dict[str, dict[KeyPath, str]] = {}
+    for path, name in apply_types(typed):
+        before, value = read.at(path), typed.at(path)
+        listed = "ParameterVariationList" in path and types.get(name) == "string"
+        same = isinstance(before, str) and not (listed and _is_number(before))
+        if isinstance(value, str) and not same:
+            kept.setdefault(name, {})[path] = value
+    for name, values in kept.items():
+        (path, first), more = next(iter(values.items())), len(values) - 1
+        stay = "stays" if not more else f"and {more} more value{'s' * (more > 1)} stay"
+        message = f"{name}: {first!r} {stay} text, as the scenario declares; there YAML decides"
+        yield document.source.problem(path, message)
+
+
+def _of_variation(call: PluginCall) -> Iterator[str]:
     given = call.parameters
     if call.name in _NOTES:
         yield _NOTES[call.name]
     if call.name in _SEEDED and "seed" not in given:
         yield "the seed follows from the configuration's name; there it is required"
-    if call.name == "ParameterVariationList" and types.get(str(given.get("name"))) == "string":
-        numbers = [v for v in given.get("values") or () if isinstance(v, str) and _is_number(v)]
-        if numbers:
-            yield f"{numbers[0]!r} stays text, as the scenario declares; there it is a number"
 
 
 def _of_navigation(call: PluginCall) -> Iterator[str]:

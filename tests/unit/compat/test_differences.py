@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robovast.compat.differences import differences
 from robovast.model.document import load_document
@@ -31,6 +33,29 @@ def variation(text: str) -> str:
 def test_a_file_that_means_the_same_meets_none(tmp_path: Path) -> None:
     same = variation("ParameterVariationList: {name: speed, values: [1, 2]}")
     assert met(tmp_path, same) == []
+
+
+UNLIKE = ("'1.10'", "007", "12:30", "1e5", "no", "~", "2024-01-01", "1.5")
+"""Texts that YAML, or ParameterVariationList, reads as other values than text."""
+
+
+@given(
+    values=st.lists(st.sampled_from(UNLIKE), unique=True, min_size=1),
+    same=st.lists(st.sampled_from(("a", "'no'", "b c")), unique=True),
+)
+def test_all_values_that_stay_text_are_counted(tmp_path_factory, values, same) -> None:
+    text = f"ParameterVariationList: {{name: label, values: [{', '.join([*same, *values])}]}}"
+    (found,) = met(tmp_path_factory.mktemp("project"), variation(text))
+    first, more = values[0].strip("'"), len(values) - 1
+    assert f"label: '{first}' {'and' if more else 'stays text'}" in found
+    assert (f"and {more} more value" in found) == (more > 0)
+
+
+@pytest.mark.parametrize("text", ["007", "12:30", "no"])
+def test_parameters_that_stay_text_are_named(tmp_path: Path, text: str) -> None:
+    same = "- name: a\n  parameters:\n  - {label: '7'}\n  - {speed: 7.0}\n"
+    (found,) = met(tmp_path, f"configuration:\n{same}- name: b\n  parameters: [label: {text}]\n")
+    assert f"label: '{text}' stays text" in found
 
 
 @pytest.mark.parametrize(

@@ -19,16 +19,19 @@ from robovast.model.scenario_values import as_declared
 _LIST, _ONE_OF = "ParameterVariationList", "OneOfVariation"
 
 
-def apply_types(source: Source, scenario: Scenario | None = None) -> None:
+def apply_types(source: Source, scenario: Scenario | None = None) -> list[tuple[KeyPath, str]]:
     """Replace values of parameters in a document's data, which may be invalid.
 
     Args:
         source: the document.
         scenario: declares the types; by default the one that the document names, if it can be read.
+
+    Returns:
+        Path of each value, and of each replaced part of one, with the parameter's name.
     """
     scenario = scenario or _scenario(source)
     if scenario is None:
-        return
+        return []
     typing = _Typing(source, scenario)
     for path in (("execution", "local", "parameter_overrides"), ("search", "parameters")):
         typing.pairs(path)
@@ -37,6 +40,7 @@ def apply_types(source: Source, scenario: Scenario | None = None) -> None:
         typing.variations(("configuration", index, "variations"))
     typing.variations(("search", "variations"))
     typing.search_space(("search", "search_space"))
+    return typing.seen
 
 
 def _scenario(source: Source) -> Scenario | None:
@@ -54,6 +58,7 @@ class _Typing:
     def __init__(self, source: Source, scenario: Scenario) -> None:
         self._source = source
         self._scenario = scenario
+        self.seen: list[tuple[KeyPath, str]] = []
         self._names: dict[str, str] = {}
         """Parameters of the dimensions of a search that markers name."""
 
@@ -87,8 +92,10 @@ class _Typing:
         if isinstance(value, str) and value.startswith("$"):
             self._names.setdefault(value.strip("${}"), name)
         elif isinstance(name, str):
+            self.seen.append((path, name))
             for inner, typed in as_declared(self._scenario, name, value, self._texts(path)):
                 self._source.replace((*path, *inner), typed)
+                self.seen.append(((*path, *inner), name))
 
     def _texts(self, path: KeyPath) -> Any:
         return lambda inner: self._source.text((*path, *inner))
