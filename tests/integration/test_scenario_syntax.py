@@ -38,6 +38,14 @@ def test_a_mistake_is_told_with_its_place(tmp_path: Path, body: str, told: str) 
     )
 
 
+@pytest.mark.parametrize("name", ["m", "kg", "s", "rad"])
+def test_a_unit_is_no_name(tmp_path: Path, name: str) -> None:
+    scenario = tmp_path / "a.osc"
+    scenario.write_text(f"scenario {name}:\n    do serial:\n        emit end\n")
+    with pytest.raises(DocumentError, match=f"`{name}` is a unit and cannot be a name; choose"):
+        check_syntax(scenario)
+
+
 def test_what_only_an_image_has_is_no_mistake(tmp_path: Path) -> None:
     scenario = tmp_path / "a.osc"
     scenario.write_text("import osc.their_own\nscenario a:\n    do serial:\n        drive_far()\n")

@@ -86,9 +86,12 @@ def brought_here(run: Path, out: Path, context: str | None, namespace: str | Non
     """The folder of a run, fetched below `out` if only a cluster has it."""
     if not is_stored_elsewhere(run):
         if context or namespace:
+            option = "`--context`" if context else "`-n` (`--namespace`)"
+            count = namespace if namespace and namespace.isdecimal() else None
+            times = f" For {count} replays: `vast replay --times {count}`." if count else ""
             raise InputError(
-                f"{run} is on this machine, but `--context` and `--namespace` choose a run of a "
-                "cluster: remove them. `--times` sets how often `vast replay` runs it."
+                f"{run} is on this machine, but {option} chooses a run of a cluster. "
+                f"Remove {option}.{times}"
             )
         return run
     from robovast.base.optional_deps import CLUSTER

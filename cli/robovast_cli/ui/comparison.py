@@ -113,7 +113,11 @@ def headline(found: Comparison) -> str:
         case _ if equal:
             return f"no difference found; too few runs to rule out a rise by {rise}"
         case _:
-            return "unclear whether it got worse"
+            before, now = (percent(side.rate) for side in (found.overall.a, found.overall.b))
+            if before == now:
+                return "unclear: no change in total, but configurations differ"
+            verb = "rose" if found.overall.b.rate > found.overall.a.rate else "fell"
+            return f"unclear: it {verb} from {before} to {now}, but chance can explain that"
 
 
 def sentence(found: Comparison) -> str:

@@ -192,7 +192,7 @@ def _load_file(path: Path) -> Any:
 
 def _failure(what: str, error: BaseException) -> RobovastError:
     """The error about a plugin whose code raises one while it is loaded."""
-    if lacking := missing_extra(error, what):
+    if lacking := missing_extra(error, f"{what}: it"):
         return lacking
     if isinstance(error, ModuleNotFoundError):
         return CannotRunError(f"{what}: the package `{error.name}` is not installed here.")

@@ -219,7 +219,7 @@ def state(found: Difference) -> str:
     before, now = (f"{percent(side.rate)} ({side.bad} of {side.runs})" for side in (a, b))
     text = f"The share of runs that did not pass {verb}, from {before} to {now}; {certain}"
     if a.rate == b.rate:
-        text = f"No difference: the share of runs that did not pass is {before}, and {now} after"
+        text = f"No difference seen: {before} and {now} of the runs did not pass"
     interval = f"95 % interval {100 * found.low:+.1f} to {100 * found.high:+.1f} points"
     p = f"p = {found.p:.2g}" if found.p >= 0.0001 else "p < 0.0001"
     test = "Fisher's exact test" if found.pairs is None else "McNemar's exact test, equal seeds"

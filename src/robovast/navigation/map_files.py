@@ -180,7 +180,7 @@ class _Keys:
             case [float() as x, float() as y, float() as yaw]:
                 if abs(yaw) <= _UNTURNED:
                     return x, y
-                more = "; a rotated map is not supported, as in most of Nav2"
+                more = "; a rotated map is not supported: set the yaw to 0, or rotate the image"
                 raise self.error("origin", "`[x, y, 0.0]`", more)
         raise self.error("origin", "`[x, y, 0.0]`")
 

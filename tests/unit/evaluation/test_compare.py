@@ -296,8 +296,8 @@ def test_a_campaign_does_not_differ_from_itself(verdicts: list[str]) -> None:
 def test_equal_results_of_other_runs_prove_little() -> None:
     found = compare([seeded("a", "pf")], [seeded("a", "pf")])
     assert found.statement.startswith(
-        "No difference: the share of runs that did not pass is 50 % (1 of 2), and 50 % (1 of 2) "
-        "after (McNemar's exact test, equal seeds, p = 1;"
+        "No difference seen: 50 % (1 of 2) and 50 % (1 of 2) of the runs did not pass "
+        "(McNemar's exact test, equal seeds, p = 1;"
     )
     assert found.detectable is None
     assert (found.result, found.variants[0].change) == ("unclear", "same")

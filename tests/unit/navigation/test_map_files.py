@@ -160,7 +160,7 @@ def test_a_wide_grey_can_be_transparent() -> None:
         ({"origin": "[[1], 0, 0]"}, "[1] is not a number"),
         ({"origin": "0"}, "`origin` must be `[x, y, 0.0]`, not 0"),
         ({"origin": "{x: 0}"}, "`origin` must be"),
-        ({"origin": "[0, 0, 0.1]"}, "a rotated map is not supported"),
+        ({"origin": "[0, 0, 0.1]"}, "is not supported: set the yaw to 0, or rotate the image"),
         ({"occupied_thresh": "65"}, "`occupied_thresh` must be a number from 0 to 1, not 65"),
         ({"free_thresh": "-0.1"}, "`free_thresh` must be a number from 0 to 1, not -0.1"),
         ({"free_thresh": ".nan"}, "`free_thresh` must be a number from 0 to 1, not .nan"),

@@ -148,8 +148,7 @@ def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConn
                 members.setdefault(name, []).append(part)
         if not members:
             raise InputError(
-                "there are no tables to ask: `vast results postprocess` makes them (with the extra "
-                "`query`)."
+                "there are no tables to query. Create them with `vast results postprocess`."
             )
         try:
             for table, united in members.items():

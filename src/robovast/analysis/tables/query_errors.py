@@ -120,10 +120,24 @@ def _wrong_types(fault: _Fault) -> str:
 
 
 def _no_value(fault: _Fault) -> str:
+    column = re.search(r"source column (\w+)", fault.found.string)
+    if column and (number := _compared_number(column[1], fault.sql)):
+        return (
+            f"`{column[1]}` is text, and `{fault.found['value']}` is not "
+            f"{_type(fault.found['type'])}: compare `{column[1]}` with '{number}', in quotes."
+        )
     return (
         f"`{fault.found['value']}` is not {_type(fault.found['type'])}. `try_cast(… AS …)` gives "
         "NULL for what cannot be converted."
     )
+
+
+def _compared_number(column: str, sql: str) -> str:
+    """The number that a query compares with a column, on either side; empty if there is none."""
+    name, number, sign = rf'\b{column}\b"?', r"([+-]?\d+(?:\.\d+)?)", r"(?:[=<>!]+|IN\s*\()"
+    either = rf"{name}\s*{sign}\s*{number}|{number}\s*{sign}\s*\"?(?:\w+\.)?{name}"
+    found = re.search(either, sql, re.IGNORECASE)
+    return (found[1] or found[2]) if found else ""
 
 
 def _type(name: str) -> str:
@@ -192,6 +206,11 @@ _RULES: Mapping[str, Callable[[_Fault], str]] = {
     r"Function with name (?P<name>.+) does not exist": _no_function,
     r'Ambiguous reference to column name "(?P<name>.+?)" \(use: (?P<names>.+)\)': _say(
         "several tables have a column `{name}`: say whose it is ({names})."
+    ),
+    r"Cannot (compare|mix) values of type (VARCHAR.*(DECIMAL|DOUBLE|INT)"
+    r"|.*(DECIMAL|DOUBLE|INT).*VARCHAR)": _say(
+        "a text is compared with a number: put the number into single quotes, or convert the text "
+        "with `try_cast(… AS DOUBLE)`."
     ),
     r"Could not convert (string )?'(?P<value>.*)' to '?(?P<type>\w+)": _no_value,
     r"with value (?P<value>\S+) can't be cast .* out of range": _say(

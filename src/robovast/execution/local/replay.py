@@ -93,6 +93,8 @@ def find_run(folder: Path) -> StoredRun:
 
 def _why_no_run(folder: Path) -> str:
     wanted = "Name the folder of a run, `<campaign>/<configuration>/<run>`"
+    if not folder.exists():
+        return f"there is no such folder. {wanted}."
     runs = sorted(file.parent for up in ("*", "*/*") for file in folder.glob(f"{up}/{RUN_RECORD}"))
     if runs:
         return f"is not the folder of one run. {wanted}, such as {runs[0]}."

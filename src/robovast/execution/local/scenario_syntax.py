@@ -14,6 +14,8 @@ from robovast.base.file_cache import ContentCache
 from robovast.execution.local.process_environment import existing_environment
 
 _SCRIPT = Path(__file__).with_name("parse_scenario.py")
+_UNITS = frozenset({"kg", "m", "s", "A", "K", "mol", "cd", "rad"})
+"""Words of the language that look like names."""
 _LONGEST = 60
 """Time limit for parsing [s]."""
 
@@ -82,4 +84,6 @@ def _meaning(found: str | None) -> str:
         what = "the line ends too early" if "\n" in found else "the line is indented too far"
     else:
         what = "the file ends too early" if found == "<EOF>" else f"`{found}` does not fit here"
+        if found in _UNITS:
+            what = f"`{found}` is a unit and cannot be a name; choose another name"
     return f"the scenario cannot be parsed: {what}"
