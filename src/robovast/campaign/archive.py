@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import lzma
 import os
 import stat
@@ -9,10 +10,9 @@ import struct
 import tarfile
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from gzip import BadGzipFile
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from time import mktime
 from typing import IO, Any, Literal, Self
@@ -29,8 +29,8 @@ LEAST_ROOM = 64 << 20
 _LONGEST_TARGET = 4096
 """Longest target of a link in Linux [byte]; creating longer links fails."""
 _LONGEST_HEADER = 1 << 14
-"""Largest metadata of a tar entry [byte]; some versions of Python take time that grows with the
-square of it."""
+"""Largest metadata of a tar entry, and of all entries together [byte]; some versions of Python take
+time that grows with the square of it."""
 _HEADERS = (
     tarfile.XHDTYPE,
     tarfile.XGLTYPE,
@@ -46,9 +46,8 @@ _DAMAGED = (
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
-    BadGzipFile,
     EOFError,
-    KeyError,  # a hard link to a file outside the archive
+    KeyError,
     NotImplementedError,  # an unknown compression
     UnicodeError,
     RuntimeError,  # an encrypted zip file
@@ -56,6 +55,8 @@ _DAMAGED = (
     OverflowError,
     struct.error,
 )
+_DAMAGED_CODES = (None, errno.EINVAL)
+"""Codes of OSError for content that cannot be unpacked, and for an offset that no file has."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +64,15 @@ class Member:
     """An entry of an archive."""
 
     name: str
-    kind: Literal["file", "folder", "link", "other"]
+    kind: Literal["file", "folder", "link", "copy", "other"]
+    """A copy is a hard link to an earlier entry."""
     open: Callable[[], IO[bytes] | None]
-    """Content of a file; for links in zip files, the target."""
+    """Content of a file."""
     executable: bool = False
     modified: float = 0.0
     """Modification time [s since the epoch]."""
     target: str = ""
-    """Target of a link."""
+    """Target of a link or a copy."""
 
 
 def unpack(archive: Path, folder: Path, expansion: float = MOST_EXPANSION) -> list[Path]:
@@ -93,10 +95,12 @@ def unpack(archive: Path, folder: Path, expansion: float = MOST_EXPANSION) -> li
     """
     links: dict[Path, str] = {}
     room = _Room(archive, expansion)
-    with _members(archive) as members:
-        for member in members:
-            path = folder / _checked(archive, member)
+    with _members(archive, room) as members:
+        for entry in members:
+            path = folder / _checked(archive, entry)
             room.take(_OVERHEAD)
+            is_copy = entry.kind == "copy"
+            member = _copy(archive, entry, folder, links) if is_copy else entry
             if member.kind == "link":
                 path.parent.mkdir(parents=True, exist_ok=True)
                 links[path] = member.target
@@ -127,24 +131,47 @@ def refuse_links_out(archive: Path, links: Iterable[Path], folder: Path) -> None
 
 
 def _checked(archive: Path, member: Member) -> PurePosixPath:
-    path = PurePosixPath(member.name)
-    if path.is_absolute() or ".." in path.parts or "\0" in member.name:
-        raise _refused(archive, member.name, "is outside of its folder")
     if member.kind == "other":
         raise _refused(archive, member.name, "is neither a file, a folder nor a link")
+    return _inside(archive, member.name)
+
+
+def _inside(archive: Path, name: str) -> PurePosixPath:
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or "\0" in name:
+        raise _refused(archive, name, "is outside of its folder")
     return path
 
 
-class _Entry(tarfile.TarInfo):
-    """A tar entry whose metadata in memory is limited."""
+def _copy(archive: Path, member: Member, folder: Path, links: Mapping[Path, str]) -> Member:
+    """The file or link that a hard link stands for; `tarfile` would keep all entries for it."""
+    original = folder / _inside(archive, member.target)
+    if original in links:
+        return replace(member, kind="link", target=links[original])
+    if not original.is_file():
+        raise _refused(archive, member.name, "is a hard link, but not to an earlier file")
+    return replace(member, kind="file", open=lambda: original.open("rb"))
 
-    @classmethod
-    def frombuf(cls, buf: bytes | bytearray, encoding: Any, errors: str) -> Self:
-        """Read a header; see `tarfile.TarInfo`."""
-        entry = super().frombuf(buf, encoding, errors)
-        if entry.size < 0 or (entry.type in _HEADERS and entry.size > _LONGEST_HEADER):
-            raise tarfile.ReadError(f"a header of {entry.size} bytes")
-        return entry
+
+def _entry_type(room: _Room) -> type[tarfile.TarInfo]:
+    """Tar entries whose metadata is limited, and takes its part of the space."""
+
+    class Entry(tarfile.TarInfo):
+        shared = 0
+        """Size of the metadata of all entries together, which `tarfile` copies to each [byte]."""
+
+        @classmethod
+        def frombuf(cls, buf: bytes | bytearray, encoding: Any, errors: str) -> Self:
+            """Read a header; see `tarfile.TarInfo`."""
+            entry = super().frombuf(buf, encoding, errors)
+            header = entry.size if entry.type in _HEADERS else 0
+            Entry.shared += header if entry.type == tarfile.XGLTYPE else 0
+            if entry.size < 0 or max(header, Entry.shared) > _LONGEST_HEADER:
+                raise tarfile.ReadError(f"a header of {entry.size} bytes")
+            room.take(header)
+            return entry
+
+    return Entry
 
 
 class _Room:
@@ -215,7 +242,7 @@ def _refused(archive: Path, name: str, why: str) -> InputError:
 
 
 @contextmanager
-def _members(archive: Path) -> Iterator[Iterator[Member]]:
+def _members(archive: Path, room: _Room) -> Iterator[Iterator[Member]]:
     """The entries of an archive, which is open meanwhile."""
     if archive.exists() and not archive.is_file() and not archive.is_dir():
         raise InputError(f"{archive}: is not a regular file. Name the archive itself.")
@@ -226,14 +253,16 @@ def _members(archive: Path) -> Iterator[Iterator[Member]]:
                     yield _zip_members(zipped)
             else:
                 file.seek(0)
-                with tarfile.open(fileobj=file, mode="r:*", tarinfo=_Entry) as tar:
-                    yield (_tar_member(tar, item) for item in tar)
+                with tarfile.open(fileobj=file, mode="r:*", tarinfo=_entry_type(room)) as tar:
+                    yield _tar_members(tar)
                     _read_to_the_end(tar)
-    except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
-        if error.filename != str(archive):
+    except (OSError, *_DAMAGED) as error:
+        if isinstance(error, OSError) and error.filename == str(archive):
+            raise InputError(f"{archive}: cannot be read: {error.strerror}.") from None
+        if isinstance(error, OSError) and (
+            error.filename is not None or error.errno not in _DAMAGED_CODES
+        ):
             raise
-        raise InputError(f"{archive}: cannot be read: {error.strerror}.") from None
-    except _DAMAGED as error:
         raise InputError(
             f"{archive}: is not a campaign's archive, or is damaged or incomplete "
             f"({_cause(error)}). Fetch it again."
@@ -252,11 +281,19 @@ def _read_to_the_end(tar: tarfile.TarFile) -> None:
         pass
 
 
+def _tar_members(tar: tarfile.TarFile) -> Iterator[Member]:
+    known: list[tarfile.TarInfo] = vars(tar)["members"]
+    while (item := tar.next()) is not None:
+        known.clear()  # else all metadata stays in memory
+        yield _tar_member(tar, item)
+
+
 def _tar_member(tar: tarfile.TarFile, item: tarfile.TarInfo) -> Member:
     if item.size < 0:  # of a pax header
         raise tarfile.ReadError(f"an entry of {item.size} bytes")
-    kinds: dict[Literal["file", "folder", "link"], bool] = {
-        "file": item.isreg() or item.islnk(),
+    kinds: dict[Literal["file", "folder", "link", "copy"], bool] = {
+        "file": item.isreg(),
+        "copy": item.islnk(),
         "folder": item.isdir(),
         "link": item.issym(),
     }

@@ -44,10 +44,10 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
 
 def _check_names(archive: Path, campaign: Path) -> None:
     """Refuse names that no campaign can have and that could deceive the reader."""
-    if campaign.name.startswith("."):
+    if campaign.name.startswith((".", "_")):
         raise InputError(
-            f"{archive}: refused, because its campaign is called `{campaign.name}`, and hidden "
-            "folders are not campaigns. Nothing was imported."
+            f"{archive}: refused, because its campaign is called `{campaign.name}`: names of "
+            "campaigns cannot begin with `.` or `_`. Nothing was imported."
         )
     for path in (campaign, *campaign.iterdir()):
         if one_line(path.name) != path.name:
