@@ -10,8 +10,8 @@
 | `occupied_thresh` | from 0 to 1, at least `free_thresh` | 0.65 |
 | `free_thresh` | from 0 to 1 | 0.196 |
 
-Other keys have no effect, unless they are misspelled ones of the table. Numbers are decimal, also
-with an exponent (`5e-2`) or in quotes.
+Other keys have no effect, unless they are misspelled ones of the table. A key occurs once. Numbers
+are decimal, also with an exponent (`5e-2`) or in quotes.
 
 | image | pixels |
 | --- | --- |
@@ -20,7 +20,8 @@ with an exponent (`5e-2`) or in quotes.
 | BMP, JPEG, TIFF | 1 or 8 bits, grey, color or palette; TIFF also 16 bits of grey; one page |
 
 Values are scaled by the largest value that the format declares, to 8 bits. Color becomes grey by
-its luma (Rec. 709). At most `MOST_CELLS` pixels are read.
+its luma (Rec. 709). TIFF samples are unsigned, with orientation 1. At most `MOST_CELLS` pixels are
+read.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 from PIL import Image, UnidentifiedImageError
+from PIL.ExifTags import Base
+from PIL.TiffImagePlugin import TiffImageFile
 
 from robovast.base.errors import InputError
 from robovast.base.file_errors import cause
@@ -60,6 +63,10 @@ _SIXTEEN_BITS = frozenset({"I", "I;16", "I;16B", "I;16L"})
 """Pillow's modes. Its `I` has 16 bits in PGM and PNG, and 32 in TIFF."""
 _LUMA = (0.212656, 0.715158, 0.072186, 0.0)
 _OPAQUE = 255
+_PNG_BITS = 24
+"""Byte of a PNG file with the number of bits per sample."""
+_SAMPLE_FORMAT = 339
+"""Tag of TIFF: 1 for unsigned numbers."""
 
 _MODES = ("trinary", "scale", "raw")
 _KEYS = ("image", "resolution", "origin", "mode", "negate", "occupied_thresh", "free_thresh")
@@ -128,8 +135,12 @@ def _mapping(content: bytes, name: str) -> dict[Any, Any]:
         data = node and yaml.BaseLoader("").construct_document(node)  # only text
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise InputError(f"the map {name} cannot be read: not valid YAML: {error}") from error
-    if not isinstance(data, dict):
+    if node is None or not isinstance(data, dict):
         raise InputError(f"{name} is no map: it must be a mapping with `image` and `resolution`.")
+    keys = [key.value for key, _ in node.value]
+    for key in data:
+        if keys.count(key) > 1:
+            raise InputError(f"the map {name}: `{key}` occurs several times; remove all but one.")
     return data
 
 
@@ -293,10 +304,18 @@ def _grey(pixels: bytes, most: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[
             raise _too_large(most)
         if getattr(image, "n_frames", 1) != 1:
             raise InputError("has several pages; one is supported.")
-        if image.mode in _SIXTEEN_BITS and not (image.mode == "I" and image.format == "TIFF"):
-            return _wide_grey(image)
-        if image.mode not in _EIGHT_BITS:
+        wide = image.mode in _SIXTEEN_BITS and not (image.mode == "I" and image.format == "TIFF")
+        if not wide and image.mode not in _EIGHT_BITS:
             raise InputError(f"has pixels of the kind {image.mode}, which is not supported.")
+        if isinstance(image, TiffImageFile):
+            _check_tags(image, 16 if wide else 8)
+        if wide:
+            return _wide_grey(image)
+        if image.format == "PNG" and image.mode == "L" and "transparency" in image.info:
+            most_grey = (1 << pixels[_PNG_BITS]) - 1
+            image.info["transparency"] = (
+                image.info["transparency"] % (most_grey + 1) * 255 // most_grey
+            )
         if image.mode in {"1", "L", "LA"}:
             grey = image.convert("LA")
             return np.asarray(grey.getchannel("L")), np.asarray(grey.getchannel("A")) == _OPAQUE
@@ -305,8 +324,26 @@ def _grey(pixels: bytes, most: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[
         return np.asarray(luma), np.asarray(color.getchannel("A")) == _OPAQUE
 
 
+def _check_tags(image: TiffImageFile, most_bits: int) -> None:
+    """Refuse a TIFF image that Pillow and Nav2 would read in different ways.
+
+    Raises:
+        InputError: the rest of a sentence about the image.
+    """
+    tags = image.tag_v2
+    turned, bits = tags.get(Base.Orientation, 1), tags.get(Base.BitsPerSample, (1,))
+    if turned != 1:
+        raise InputError(f"has the TIFF orientation {turned}; save it upright, with orientation 1.")
+    if not set(bits) <= {1, most_bits} or set(tags.get(_SAMPLE_FORMAT, (1,))) != {1}:
+        raise InputError(
+            f"has samples of {bits[0]} bits that are not supported; save it with 8 bits, unsigned."
+        )
+
+
 def _wide_grey(image: Image.Image) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.bool_]]:
     values = np.asarray(image).astype(np.uint32)
+    if isinstance(image, TiffImageFile) and image.tag_v2.get(Base.PhotometricInterpretation) == 0:
+        values = 65535 - values  # white is 0, which Pillow does not apply to 16 bits
     grey = ((values * 255 + 32767) // 65535).astype(np.uint8)
     return grey, values != image.info.get("transparency", -1)
 
