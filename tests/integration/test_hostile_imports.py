@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import tarfile
@@ -14,12 +15,14 @@ import pytest
 import yaml
 from support.campaigns.local import Recorder, make_campaign, resume, run
 
-from robovast.base.errors import CannotRunError, RobovastError
+from robovast.base.errors import CannotRunError, DocumentError, RobovastError
 from robovast.campaign.imported import MARK, is_imported
 from robovast.campaign.importing import import_archive
 from robovast.campaign.merge import merge_campaigns
+from robovast.execution.compat import COMPAT_VERSION
 from robovast.execution.local import LocalOptions, replay_run
 from robovast.execution.local.replay import find_run
+from robovast.model.document import load_document
 from robovast.search import local as search
 
 OWN = "key of the user\n"
@@ -181,3 +184,75 @@ def test_no_plugin_of_an_imported_campaign_is_loaded(
 def test_an_unchanged_campaign_continues(executed: Path, tmp_path: Path) -> None:
     campaign = import_archive(packed(executed, tmp_path, lambda _: None), tmp_path / "results")
     assert len(resume(campaign).records) == 3
+
+
+ENGINE = f"""#!/bin/sh
+echo "$*" >> "$0.log"
+case "$*" in
+  *"entrypoint cat"*) echo {COMPAT_VERSION};;
+  "image inspect"*) echo hall@sha256:0;;
+  run*) exit 1;;
+esac
+"""
+"""Stands for Docker, and records its command lines."""
+
+
+@pytest.fixture
+def engine_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The command lines of an engine on a machine with a display."""
+    docker = tmp_path / "bin" / "docker"
+    docker.parent.mkdir()
+    docker.write_text(ENGINE)
+    docker.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{docker.parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("DISPLAY", ":7")
+    monkeypatch.setattr("robovast.execution.local.container_runtime.X11_SOCKETS", tmp_path)
+    return docker.with_name("docker.log")
+
+
+@pytest.mark.parametrize("is_marked", [True, False])
+@pytest.mark.parametrize("gui", [None, True, False])
+def test_containers_of_imported_campaigns_are_confined(
+    executed: Path, tmp_path: Path, engine_log: Path, is_marked: bool, gui: bool | None
+) -> None:
+    def change(campaign: Path) -> None:
+        document = campaign / "_config" / "test.vast"
+        data = yaml.safe_load(document.read_text())
+        data["execution"]["run_as_user"] = 0
+        document.write_text(yaml.safe_dump(data))
+
+    campaign = import_archive(packed(executed, tmp_path, change), tmp_path / "results")
+    if not is_marked:
+        (campaign / MARK).unlink()
+    options = LocalOptions(runtime="docker", image="robots/hall", gui=gui)
+    told = Recorder()
+    replay_run(find_run(campaign / "one-1/0"), tmp_path / "again", 1, options, told)
+    (started,) = [line for line in engine_log.read_text().splitlines() if "--init" in line]
+    assert ("--security-opt=no-new-privileges" in started) is is_marked
+    assert ("--user=0:0" in started) is not is_marked
+    assert ("DISPLAY" in started) is (not is_marked if gui is None else gui)
+    assert any("`execution.run_as_user` is ignored" in one for one in told.messages) is is_marked
+
+
+@pytest.mark.parametrize("image", ["-v/:/host", "--volume=/:/out/host", "-", "a b"])
+def test_an_image_that_is_an_option_never_reaches_the_engine(
+    executed: Path, tmp_path: Path, engine_log: Path, image: str
+) -> None:
+    def change(campaign: Path) -> None:
+        record = campaign / "one-1/0/run.json"
+        data = json.loads(record.read_text())
+        record.write_text(
+            json.dumps(data | {"runtime": "docker", "image": image, "image_digest": image})
+        )
+
+    campaign = import_archive(packed(executed, tmp_path, change), tmp_path / "results")
+    options = LocalOptions(runtime="same")
+    with pytest.raises(RobovastError, match="not a valid image name"):
+        replay_run(find_run(campaign / "one-1/0"), tmp_path / "again", 1, options, Recorder())
+    assert image not in engine_log.read_text()
+    text = (campaign / "_config" / "test.vast").read_text()
+    data = yaml.safe_load(text)
+    data["execution"]["image"] = image
+    (tmp_path / "bad.vast").write_text(yaml.safe_dump(data))
+    with pytest.raises(DocumentError, match="image"):
+        load_document(tmp_path / "bad.vast")

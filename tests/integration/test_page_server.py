@@ -383,3 +383,28 @@ def _next_event(stream) -> dict[str, int]:
     while not (line := stream.readline()).startswith("data: "):
         assert line
     return json.loads(line.removeprefix("data: "))
+
+
+PARTS = ["%00", "a%00b", "x" * 300, "%C3%A4" * 150, "%2e%2e", ".", "..", "%0a", "%ff", "%2500"]
+"""Names that no file has, or that are hard to handle."""
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_names_that_no_file_has_are_not_found(page: ShownPage, part: str) -> None:
+    paths = [
+        *(f"history/{NAME}/{part}", f"history/{part}/hall-1", f"drive/{part}/hall-1/0"),
+        *(
+            f"drive/{NAME}/{part}/0",
+            f"drive/{NAME}/{part}/0/1",
+            f"drive/{NAME}/{part}/0/1/pictures",
+        ),
+        *(f"map/{NAME}/{part}", f"map/{part}/hall-1", f"maps/{part}", f"failures/{part}"),
+        *(f"campaigns/{part}", f"campaigns/{NAME}/{part}/0", f"campaigns/{part}/hall-1/0"),
+        *(f"campaigns/{part}/{page}" for page in ("begun", "about", "factors", "metrics", "more")),
+        *(f"compare?a={part}&b={NAME}", f"changes?a={NAME}&b={part}", f"table?path={part}"),
+        *(f"log?path={NAME}/{part}", f"usage?path={part}", f"timeline?path={part}"),
+    ]
+    answers = {path: page.get(f"api/{path}").status for path in paths}
+    assert not {path: status for path, status in answers.items() if status >= 500}
+    if part in PARTS[:5]:
+        assert {status for path, status in answers.items() if "?" not in path} == {404}

@@ -15,6 +15,7 @@ import pytest
 from support.campaigns.local import Recorder, make_campaign, run, verdicts
 
 from robovast.analysis.tables.runs import run_rows
+from robovast.campaign.imported import mark_imported
 from robovast.campaign.junit import merged_suites
 from robovast.campaign.layout import Layout
 from robovast.execution.local import Summary
@@ -107,6 +108,15 @@ def test_what_was_edited_alone_is_executed_and_the_command_counts_the_others(fir
     asked = [VAST, "results", "summary", second]
     said = subprocess.run(asked, capture_output=True, text=True).stdout
     assert "0 errored, 0 interrupted; reused 2 of 3\n" in said
+
+
+def test_runs_of_an_imported_campaign_are_not_reused(first: Path) -> None:
+    mark_imported(first)
+    _, told = again(first)
+    assert told.messages == [
+        "Reused 0 of 3 runs.",
+        f"Not reused: {first.name}: the campaign was imported.",
+    ]
 
 
 def test_another_run_file_makes_all_work_other(first: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -9,6 +10,8 @@ from collections.abc import Callable
 from robovast.base.errors import CannotRunError
 
 ENGINES = ("docker", "podman")
+IMAGE = r"^[^\s-]\S*$"
+"""Pattern of an image reference; one that begins with `-` would be an option of the engine."""
 
 
 class Result:
@@ -71,8 +74,13 @@ def fetch_image(engine: str, image: str, message: Callable[[str], None], build: 
         build: how to build the image, as the end of a sentence.
 
     Raises:
-        CannotRunError: the image cannot be pulled.
+        CannotRunError: the image's name is not valid, or the image cannot be pulled.
     """
+    if not re.match(IMAGE, image):
+        raise CannotRunError(
+            f"`{image}` is not a valid image name: it is empty, has spaces or begins with `-`. "
+            "Choose an image with `--image`."
+        )
     if call([engine, "image", "inspect", image]).ok:
         return
     message(f"Pulling {image} …")

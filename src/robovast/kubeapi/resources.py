@@ -12,9 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.alias_generators import to_camel
 
 from robovast.base import docstrings
+from robovast.base.containers import IMAGE
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast.kubeapi.secret_names import MADE_FOR_CAMPAIGNS
-from robovast.model.document.execution import IMAGE
 
 GROUP = "robovast.io"
 VERSION = "v1alpha1"

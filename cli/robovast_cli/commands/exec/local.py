@@ -131,9 +131,13 @@ def run(
             "--start-only", help="Open a shell in the first run's container instead of running it."
         ),
     ] = False,
-    no_gui: Annotated[
-        bool, typer.Option("--no-gui", help="Show no windows even when there is a display.")
-    ] = False,
+    gui: Annotated[
+        bool | None,
+        typer.Option(
+            "--gui/--no-gui",
+            help="Show windows if there is a display (default: unless the campaign was imported).",
+        ),
+    ] = None,
     network_host: Annotated[
         bool, typer.Option("--network-host", help="Use the network of this machine.")
     ] = False,
@@ -156,7 +160,7 @@ def run(
         jobs=jobs,
         runtime=runtime,
         image=image,
-        gui=not no_gui,
+        gui=gui,
         network_host=network_host,
         reuse=reuse,
         abort_on_failure=abort_on_failure,

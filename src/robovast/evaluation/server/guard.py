@@ -8,8 +8,10 @@ guess their types and to show them in frames.
 
 from __future__ import annotations
 
+import os
 import re
 import secrets
+from urllib.parse import unquote_to_bytes
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
@@ -19,6 +21,9 @@ LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 """Names of this machine."""
 _HOST = re.compile(rf"({'|'.join(map(re.escape, LOOPBACK))})(:[0-9]{{1,5}})?", re.IGNORECASE)
 """One of them, with any port, since ports may be forwarded."""
+
+_LONGEST_NAME = 255
+"""Longest name of a file in Linux [byte]."""
 
 POLICY = "; ".join(
     (
@@ -86,7 +91,15 @@ class Guard:
             return PlainTextResponse(
                 "Open the address that `vast` printed: it holds a secret.", 403
             )
+        query = unquote_to_bytes(scope["query_string"])
+        if not all(map(_may_exist, scope["path"].split("/"))) or b"\0" in query:
+            return PlainTextResponse("There is no such page.", 404)
         return None
+
+
+def _may_exist(name: str) -> bool:
+    """Whether a part of a path can be the name of a file or of a page."""
+    return name not in {".", ".."} and "\0" not in name and len(os.fsencode(name)) <= _LONGEST_NAME
 
 
 def _with_headers(send: Send) -> Send:

@@ -103,6 +103,11 @@ def executing(session: Session, observer: Observer) -> Iterator[Observer]:
         _prepare_common(session)
         if edited := told_edited(session.layout):
             told.message(edited)
+        if session.is_imported and session.sets_user:
+            told.message(
+                f"`execution.run_as_user` is ignored, because the campaign was imported; its "
+                f"containers run as user {session.user_id}."
+            )
         if session.options.reuse and (why := why_nothing(session)):
             told.message(f"Nothing is reused: {why}")
         yield told

@@ -118,7 +118,7 @@ class ContainerRuntime:
         ]
         environment = dict(spec.environment)
         display = os.environ.get("DISPLAY")
-        if self._options.gui and display and X11_SOCKETS.is_dir():
+        if spec.display and display and X11_SOCKETS.is_dir():
             volumes.append(f"{X11_SOCKETS}:{X11_SOCKETS}")
             environment["DISPLAY"] = display
         return compose_model(
@@ -130,6 +130,7 @@ class ContainerRuntime:
             limits=spec.limits,
             secondaries=spec.secondaries,
             network_mode="host" if self._options.network_host else "bridge",
+            confined=spec.confined,
             labels={LABEL: spec.token.partition(".")[0]},
         )
 

@@ -23,6 +23,7 @@ def compose_model(
     secondaries: Mapping[str, Limits],
     network_mode: str,
     labels: Mapping[str, str],
+    confined: bool = False,
 ) -> dict[str, Any]:
     """A compose file as plain data.
 
@@ -36,6 +37,7 @@ def compose_model(
         secondaries: limits of the secondary containers, by name.
         network_mode: `bridge` or `host`, for the main container.
         labels: labels of all containers, used to find them again.
+        confined: no program in the containers can gain permissions, such as with `sudo`.
     """
     common = {
         "image": image,
@@ -44,6 +46,7 @@ def compose_model(
         "working_dir": OUT,
         "labels": dict(labels),
         "init": True,
+        **({"security_opt": ["no-new-privileges"]} if confined else {}),
     }
     main = {
         **common,
@@ -88,6 +91,7 @@ def run_options(service: Mapping[str, Any]) -> list[str]:
     }
     options = [f"{option}={value}" for option, value in single.items()]
     options += [f"--volume={volume}" for volume in service["volumes"]]
+    options += [f"--security-opt={value}" for value in service.get("security_opt", ())]
     options += [f"--label={name}={value}" for name, value in service["labels"].items()]
     for name, value in service["environment"].items():
         options.append(f"--env={name}={value.replace('$$', '$')}")

@@ -56,8 +56,9 @@ class LocalOptions:
     """Container image; None means ROBOVAST_IMAGE or the document's."""
     process_environment: Path | None = None
     """Environment of plain processes; None means the usual one."""
-    gui: bool = True
-    """Show windows on this machine's display, if there is one."""
+    gui: bool | None = None
+    """Show windows on this machine's display, if there is one; None means unless the campaign was
+    imported."""
     network_host: bool = False
     """Use the machine's network."""
     reuse: bool = False

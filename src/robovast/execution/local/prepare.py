@@ -75,7 +75,7 @@ def open_shell(document: Document, options: LocalOptions) -> int:
         raise CannotRunError("`--start-only` needs containers: use `--runtime docker` or `podman`.")
     with TemporaryDirectory(prefix="robovast-") as folder:
         script = prepare_run(document, Path(folder), dataclasses.replace(options, runs=1))
-        flags = {"--no-gui": not options.gui, "--network-host": options.network_host}
+        flags = {"--no-gui": options.gui is False, "--network-host": options.network_host}
         chosen = [flag for flag, given in flags.items() if given]
         return subprocess.run([script, "--shell", *chosen], check=False).returncode
 

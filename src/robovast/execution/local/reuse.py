@@ -12,6 +12,7 @@ from pathlib import Path
 from robovast.base import safe_paths
 from robovast.base.locks import is_locked
 from robovast.campaign.checksums import DifferentError, copy_files, copy_verified
+from robovast.campaign.imported import is_imported
 from robovast.campaign.layout import RUNNING, TEST_RESULT, Layout, job_folder, parameters_key
 from robovast.campaign.records import copied_record
 from robovast.campaign.run_record import RunRecord, read_run_record
@@ -114,7 +115,9 @@ class _Source:
             folder = self.own.parent / name
             if name.startswith(".") or folder == self.own or not holds_campaign(folder):
                 continue
-            if is_locked(folder / RUNNING):
+            if is_imported(folder):
+                self.refuse("the campaign was imported", folder)
+            elif is_locked(folder / RUNNING):
                 self.refuse("the campaign is being executed", folder)
             else:
                 yield folder

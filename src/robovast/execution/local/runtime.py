@@ -46,6 +46,10 @@ class StartSpec:
     limits: Limits = field(default_factory=Limits)
     secondaries: Mapping[str, Limits] = field(default_factory=dict)
     """Secondary containers by name."""
+    display: bool = False
+    """Whether the containers may use the display of this machine."""
+    confined: bool = False
+    """Whether no program in the containers can gain permissions, such as with `sudo`."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from robovast.campaign.imported import is_imported
 from robovast.campaign.layout import Layout
 from robovast.execution.job_config import job_environment
 from robovast.execution.local.events import LocalOptions
@@ -75,13 +76,30 @@ class Session:
         return max(1, int(machine_cpus() / total))
 
     @cached_property
+    def is_imported(self) -> bool:
+        """Whether the campaign was imported, and its containers are confined."""
+        return is_imported(self.layout.root)
+
+    @property
+    def sets_user(self) -> bool:
+        """Whether the document sets the user of the processes in a container."""
+        return "run_as_user" in self.document.vast.execution.model_fields_set
+
+    @property
+    def has_display(self) -> bool:
+        """Whether containers may use the display of this machine."""
+        gui = not self.is_imported if self.options.gui is None else self.options.gui
+        return gui and "DISPLAY" in os.environ
+
+    @cached_property
     def user_id(self) -> int:
         """User of the processes in a container.
 
-        The document's, if it sets one. Otherwise the caller, so that results belong to the caller;
-        for root the contract's default, since simulators refuse to run as root.
+        The document's, if it sets one and was not imported. Otherwise the caller, so that results
+        belong to the caller; for root the contract's default, since simulators refuse to run as
+        root.
         """
-        if "run_as_user" in self.document.vast.execution.model_fields_set:
+        if self.sets_user and not self.is_imported:
             return self.document.vast.execution.run_as_user
         return os.getuid() or DEFAULT_USER
 
@@ -102,7 +120,7 @@ class Session:
                 "limits": [spec.limits, spec.secondaries],
                 "timeout": self.document.vast.execution.timeout,
                 "network": self.options.network_host,
-                "display": self.options.gui and "DISPLAY" in os.environ,
+                "display": self.has_display,
             },
             self.layout.running / COMMON,
         )
@@ -128,6 +146,8 @@ class Session:
                 name: limits.unenforced if unlimited else limits
                 for name, limits in self.secondaries.items()
             },
+            display=self.has_display,
+            confined=self.is_imported,
         )
 
     def _environment(self, job: PackStart, config: Path, out: Path) -> Mapping[str, str]:

@@ -8,6 +8,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from robovast.base.containers import IMAGE
 from robovast.model.document.section import Section
 
 MOST_ASSETS = 10
@@ -44,7 +45,7 @@ class Assets(Section):
     """Where the containers find them, such as `/assets`."""
     claim: Annotated[str, Field(pattern=r"^[a-z0-9][-a-z0-9.]{0,252}$")] | None = None
     """PersistentVolumeClaim of the namespace with the label `robovast.io/assets: "true"`."""
-    image: Annotated[str, Field(pattern=r"^\S+$", max_length=500)] | None = None
+    image: Annotated[str, Field(pattern=IMAGE, max_length=500)] | None = None
     """Container image whose files they are; best with its digest."""
 
     @model_validator(mode="after")

@@ -20,6 +20,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError
 
+from robovast.base.containers import IMAGE
 from robovast.base.sequential import SequentialTest
 from robovast.model.document.assets import MOST_ASSETS, Assets, check_apart
 from robovast.model.document.section import Pair, Section, merge_pairs
@@ -131,9 +132,6 @@ class Nodes(Section):
     node_labels: dict[str, str] = Field(default_factory=dict)
     """Labels that a node must have, all of them."""
 
-
-IMAGE = r"^\S+$"
-"""Pattern of an image reference: registries answer for its other rules."""
 
 ClaimTemplate = Annotated[str, Field(pattern=r"^[a-z0-9][-a-z0-9.]{0,252}$")]
 
