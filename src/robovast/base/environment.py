@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import StringIO
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import read_text
 from robovast.base.optional_deps import SHARE
 from robovast.base.trusted_files import find_above
 
@@ -45,7 +47,8 @@ def _dotenv(folder: Path) -> dict[str, str]:
         return {}
     with SHARE.needed_by(f"Reading {path}"):
         from dotenv import dotenv_values
-    try:
-        return {key: value for key, value in dotenv_values(path).items() if value is not None}
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {error}.") from error
+    text = read_text(path)
+    if "\0" in text:
+        raise InputError(f"{path}: contains a NUL character, which no variable can have.")
+    found = dotenv_values(stream=StringIO(text))
+    return {key: value for key, value in found.items() if value is not None}

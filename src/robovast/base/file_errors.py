@@ -12,6 +12,8 @@ from pathlib import Path
 
 from robovast.base.errors import InputError, StorageError
 
+_LARGEST = 64 << 20
+"""Largest text file of a user that is read [byte]."""
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 _WORDS = {
     errno.EISDIR: "it is a folder",
@@ -83,6 +85,27 @@ def writing(path: Path) -> Iterator[None]:
     except OSError as error:
         name = error.filename or path
         raise StorageError(f"{name}: cannot be written: {cause(error)}.") from error
+
+
+def read_text(path: Path) -> str:
+    """Read a text file of the user, such as a .vast file, in UTF-8.
+
+    Raises:
+        InputError: the file cannot be read, has more than 64 MiB, or is not a text file.
+    """
+    try:
+        with reading(path), path.open("rb") as file:
+            content = file.read(_LARGEST + 1)
+    except ValueError:  # a NUL, or half of a surrogate pair
+        raise InputError(f"no file can be called {str(path)!r}") from None
+    if len(content) > _LARGEST:
+        raise InputError(f"{path}: is larger than {_LARGEST >> 20} MiB; is it the right file?")
+    try:
+        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: not a text file in UTF-8 (byte {error.start}): is it the right file?"
+        ) from None
 
 
 @contextmanager

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
+from pydantic_core import PydanticCustomError
 
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import DocumentError, InputError
@@ -27,12 +29,26 @@ def _lower(value: object) -> object:
     return value.lower() if isinstance(value, str) else value
 
 
+def _path(value: str) -> str:
+    """Refuse a path that no file can have.
+
+    Raises:
+        PydanticCustomError: it is one.
+    """
+    if "\0" in value or any(len(os.fsencode(name)) > 255 for name in value.split("/")):
+        raise PydanticCustomError("path", "is not a path: it has a NUL character or a long name")
+    return value
+
+
+FilePath = Annotated[str, Field(max_length=4000), AfterValidator(_path)]
+
+
 class ProjectFile(Section):
     """Content of the project file; paths are relative to its folder."""
 
-    config: str
+    config: FilePath
     """The .vast file."""
-    results_dir: str = "results"
+    results_dir: FilePath = "results"
     """Folder of campaigns and their results."""
     log_level: Annotated[Level, BeforeValidator(_lower)] | None = None
     """Log level of every command in the project."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import read_text
 
 _SCENARIO = re.compile(r"^scenario\s+([A-Za-z_][\w.]*)\b[^:]*:")
 _STRUCT = re.compile(r"^struct\s+([A-Za-z_]\w*)(?:\s+inherits\s+([A-Za-z_]\w*))?\s*(?::.*)?$")
@@ -87,15 +88,11 @@ def read_scenarios(path: str | Path) -> list[Scenario]:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"there is no scenario file {path}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not a text file in UTF-8 (byte {error.start})") from None
-    except ValueError:  # a NUL, or half of a surrogate pair
-        raise InputError(f"no file can be called {str(path)!r}") from None
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from None
+        text = read_text(path)
+    except InputError as error:
+        if isinstance(error.__context__, FileNotFoundError):
+            raise InputError(f"there is no scenario file {path}") from None
+        raise
     blocks = list(_blocks(text.splitlines()))
     structs = _structs(blocks)
     scenarios = [

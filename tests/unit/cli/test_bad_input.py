@@ -408,7 +408,7 @@ def test_a_package_that_a_plugin_lacks_is_no_fault_of_the_file(
 def test_files_that_cannot_be_read(vast, folder: Path) -> None:
     (folder / "latin.vast").write_bytes(b"version: 1\nmetadata: {title: caf\xe9}\n")
     assert vast("-V", "latin.vast", "config", "list").err == (
-        "error: latin.vast: not a text file in UTF-8 (byte 32): is it really a .vast file?\n"
+        "error: latin.vast: not a text file in UTF-8 (byte 32): is it the right file?\n"
     )
     assert vast("-V", "none.vast", "config", "list").err == (
         "error: none.vast: there is no such file.\n"

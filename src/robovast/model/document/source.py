@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from robovast.base.errors import DocumentError, InputError, Place, Problem
-from robovast.base.file_errors import reading
+from robovast.base.file_errors import read_text
 from robovast.base.yaml_files import YamlLoader, compose_yaml
 
 KeyPath = tuple[Hashable, ...]
@@ -149,15 +149,9 @@ class Source:
             InputError: the file is missing, unreadable or not UTF-8.
             DocumentError: it is not YAML, repeats a key, or its aliases repeat too many values.
         """
-        try:
-            if file.is_char_device() or file.is_block_device():
-                raise InputError(f"{file}: is a device, and no .vast file.")
-            with reading(file):
-                return cls(file, file.read_text(encoding="utf-8"))
-        except UnicodeDecodeError as error:
-            raise InputError(
-                f"{file}: not a text file in UTF-8 (byte {error.start}): is it really a .vast file?"
-            ) from None
+        if file.is_char_device() or file.is_block_device():
+            raise InputError(f"{file}: is a device, and no .vast file.")
+        return cls(file, read_text(file))
 
     def place(self, path: KeyPath, *, key: bool = False) -> Place:
         """Position of a value or its key; if the path does not exist, of its nearest parent."""
