@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,16 @@ from robovast.analysis.tables.database import (
 )
 from robovast.analysis.tables.query_errors import ONLY_READS, explained
 from robovast.analysis.tables.runs import FACTOR, PARAMETER
-from robovast.analysis.tables.staging import Column, Types, joint_type, literal, quoted, tables_of
+from robovast.analysis.tables.spelling import plain
+from robovast.analysis.tables.staging import (
+    Column,
+    Types,
+    joint_type,
+    literal,
+    plain_columns,
+    quoted,
+    tables_of,
+)
 from robovast.analysis.tables.stored import StoredTables, raise_failure, reachable
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES
@@ -50,6 +59,8 @@ class _Part:
 
     select: str
     types: Types
+    plain: Set[str]
+    """Columns whose whole numbers have no decimal point."""
 
 
 def ask(campaigns: Sequence[Path | StoredTables], sql: str, most: int | None = None) -> Answer:
@@ -178,13 +189,18 @@ def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[st
     if RECORDS in found:
         sources = {**sources, VIEW: f"({runs_query(connection, found, alias)})"}
     ordered = sorted(sources, key=lambda name: (name != VIEW, name))
-    return {name: _part(connection, campaign, sources[name]) for name in ordered}
+    noted = plain_columns(connection, alias)
+    noted |= {(VIEW, f"{table}_{name}") for table, name in noted}
+    return {
+        table: _part(connection, campaign, sources[table], {n for of, n in noted if of == table})
+        for table in ordered
+    }
 
 
-def _part(connection: DuckDBPyConnection, campaign: str, source: str) -> _Part:
+def _part(connection: DuckDBPyConnection, campaign: str, source: str, noted: Set[str]) -> _Part:
     select = f"SELECT {literal(campaign)} AS campaign, * FROM {source}"  # noqa: S608
     described = connection.execute(f"DESCRIBE {select}").fetchall()
-    return _Part(select, {name: type_ for name, type_, *_ in described})
+    return _Part(select, {name: type_ for name, type_, *_ in described}, noted)
 
 
 def _union(connection: DuckDBPyConnection, parts: Sequence[_Part], *, is_runs: bool) -> str:
@@ -196,7 +212,9 @@ def _union(connection: DuckDBPyConnection, parts: Sequence[_Part], *, is_runs: b
     columns: dict[str, list[Column]] = {}
     for part in parts:
         for name, type_ in part.types.items():
-            columns.setdefault(folded(name), []).append((f"({part.select})", name, type_))
+            columns.setdefault(folded(name), []).append(
+                Column(f"({part.select})", name, type_, name in part.plain)
+            )
     joint = {
         key: joint_type(
             connection, own, spelt=not (is_runs and key.startswith((PARAMETER, FACTOR)))
@@ -211,8 +229,9 @@ def _union(connection: DuckDBPyConnection, parts: Sequence[_Part], *, is_runs: b
 def _cast(part: _Part, types: Types) -> str:
     """The query of a part whose columns get types."""
     casts = ", ".join(
-        f"{quoted(name)}::{type_} AS {quoted(name)}"
+        f"({plain(cell) if name in part.plain else cell})::{type_} AS {cell}"
         for name, type_ in types.items()
         if type_ != part.types[name]
+        for cell in [quoted(name)]
     )
     return f"SELECT * REPLACE ({casts}) FROM ({part.select})" if casts else part.select  # noqa: S608

@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from robovast.analysis.tables.csv_files import KEYS, folded, read_rows
 from robovast.analysis.tables.spelling import (
@@ -27,9 +27,21 @@ if TYPE_CHECKING:
 
 Types = dict[str, str]
 """Columns in order, with their types."""
-Column = tuple[str, str, str]
-"""SQL of a table, name of a column, and its type."""
 
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    source: str
+    """SQL of the table."""
+    name: str
+    type: str
+    plain: bool
+    """Whether a `DOUBLE` was written without `.0` where it is whole, as `0` beside `0.5`."""
+
+
+PLAIN = "whole numbers have no decimal point"
+"""Comment on such a column."""
 _WHOLE = ("BIGINT", "HUGEINT")
 _EXACT = ("BIGINT", "DOUBLE", "DOUBLE", "BOOLEAN")
 """Types to try first; a `DOUBLE` is written with or without `.0`."""
@@ -162,17 +174,52 @@ def append(
     there = {folded(name): (name, columns) for name, columns in tables_of(connection).items()}
     table, have = there.get(folded(table), (table, None))
     wanted = {name: types[name] for name in columns}
+    plain = _plain_of_staged(connection, [name for name in free if types[name] == "DOUBLE"])
     respelt: set[str] = set()
     if have is None:
         listed = ", ".join(f"{quoted(name)} {type_}" for name, type_ in wanted.items())
         connection.execute(f"CREATE TABLE {quoted(table)} ({listed})")
     else:
-        wanted, respelt = _widened(connection, table, have, wanted)
+        wanted, plain, respelt = _widened(connection, table, have, wanted, plain)
     casts = ", ".join(
         f"TRY_CAST({quoted(name)} AS {type_}) AS {quoted(name)}" for name, type_ in wanted.items()
     )
     connection.execute(f"INSERT INTO {quoted(table)} BY NAME SELECT {casts} FROM staged")  # noqa: S608
+    noted = {name for of, name in plain_columns(connection) if of == table}
+    for name in noted ^ plain:
+        note = literal(PLAIN) if name in plain else "NULL"
+        connection.execute(f"COMMENT ON COLUMN {quoted(table)}.{quoted(name)} IS {note}")
     return {(folded(table), name) for name in respelt}
+
+
+def plain_columns(
+    connection: DuckDBPyConnection, catalog: str | None = None
+) -> set[tuple[str, str]]:
+    """Columns with the comment `PLAIN`, as table and name; see `tables_of`."""
+    found = connection.execute(
+        "SELECT table_name, column_name FROM duckdb_columns() WHERE comment = $plain "
+        "AND database_name = coalesce($catalog, current_database()) AND schema_name = 'main'",
+        {"plain": PLAIN, "catalog": catalog},
+    )
+    return set(found.fetchall())
+
+
+def _plain_of_staged(connection: DuckDBPyConnection, names: Sequence[str]) -> set[str]:
+    """Staged columns of `DOUBLE` whose whole numbers have no decimal point."""
+    found: set[str] = set()
+    for start in range(0, len(names), _AT_ONCE):
+        part = names[start : start + _AT_ONCE]
+        row = _one_row(connection, (_has_plain_wholes(quoted(name)) for name in part))
+        found.update(name for name, is_plain in zip(part, row, strict=True) if is_plain)
+    return found
+
+
+def _has_plain_wholes(cell: str) -> str:
+    """SQL of whether the whole numbers of a column have no decimal point."""
+    value = f"{cell}::DOUBLE"
+    is_fraction = f"NOT isfinite({value}) OR {value} <> trunc({value})"
+    is_plain = f"regexp_full_match({cell}, '-?[0-9]+')"
+    return f"coalesce(bool_and({is_fraction} OR {is_plain}), true)"
 
 
 def _found_types(connection: DuckDBPyConnection, columns: Sequence[str]) -> Types:
@@ -231,13 +278,19 @@ def wider(one: str, other: str) -> str:
 
 
 def _widened(
-    connection: DuckDBPyConnection, table: str, have: Types, wanted: Mapping[str, str]
-) -> tuple[Types, set[str]]:
+    connection: DuckDBPyConnection,
+    table: str,
+    have: Types,
+    wanted: Mapping[str, str],
+    plain: set[str],
+) -> tuple[Types, set[str], set[str]]:
     """Add missing columns and widen types of a table.
 
     Returns:
-        The resulting types, and the folded columns whose numbers may be written differently.
+        The resulting types, the table's plain columns, and the folded columns whose numbers may be
+        written differently.
     """
+    noted = {name for of, name in plain_columns(connection) if of == table}
     columns = {folded(name): name for name in have}
     found: Types = {}
     respelt = set()
@@ -246,18 +299,23 @@ def _widened(
         if column is None:
             connection.execute(f"ALTER TABLE {quoted(table)} ADD COLUMN {quoted(name)} {type_}")
             found[name] = type_
+            noted |= plain & {name}
             continue
         before = have[column]
-        found[name] = joint_type(
-            connection, ((quoted(table), column, before), ("staged", name, type_))
+        pair = (
+            Column(quoted(table), column, before, column in noted),
+            Column("staged", name, type_, name in plain),
         )
+        found[name] = joint_type(connection, pair)
+        is_plain = found[name] == "DOUBLE" and all(map(_is_plain, pair))
+        (noted.add if is_plain else noted.discard)(column)
         if found[name] != before:
             connection.execute(
                 f"ALTER TABLE {quoted(table)} ALTER COLUMN {quoted(column)} TYPE {found[name]}"
             )
-            if found[name] == "VARCHAR" and before not in _WHOLE:
+            if found[name] == "VARCHAR" and (before not in _WHOLE or type_ == "DOUBLE"):
                 respelt.add(folded(name))
-    return found, respelt
+    return found, noted, respelt
 
 
 def joint_type(
@@ -270,40 +328,52 @@ def joint_type(
         columns: the columns, all with values of one meaning.
         spelt: whether a whole number and an equal `DOUBLE` are different, as `1` and `1.0`.
     """
-    types = {type_ for *_, type_ in columns}
-    if len(types) == 1:
-        return types.pop()
-    whole = {column: _largest(connection, column) for column in columns if column[2] in _WHOLE}
-    types = {column[2] for column in columns if whole.get(column, 0) is not None} or types
-    joint = reduce(wider, sorted(types))
-    if joint == "DOUBLE" and len(types) > 1:
-        doubles = [column for column in columns if column[2] == joint]
-        if max(number or 0 for number in whole.values()) > LARGEST_EXACT or (
-            spelt and _share_values(connection, list(whole), doubles)
+    types = {column.type for column in columns}
+    if len(types) > 1:
+        largest = [_largest(connection, column) for column in columns]
+        columns = [c for c, number in zip(columns, largest, strict=True) if number is not None]
+        types = {column.type for column in columns} or types
+        joint = reduce(wider, sorted(types))
+        if (
+            joint == "DOUBLE"
+            and len(types) > 1
+            and max(map(int, filter(None, largest)), default=0) > LARGEST_EXACT
         ):
             return "VARCHAR"
+    else:
+        (joint,) = types
+    if spelt and joint == "DOUBLE" and len({_is_plain(column) for column in columns}) > 1:
+        plain, others = ([c for c in columns if _is_plain(c) is one] for one in (True, False))
+        return "VARCHAR" if _share_wholes(connection, plain, others) else joint
     return joint
 
 
+def _is_plain(column: Column) -> bool:
+    return column.plain or column.type in _WHOLE
+
+
 def _largest(connection: DuckDBPyConnection, column: Column) -> int | None:
-    """The largest absolute value of a column of whole numbers; None if it has no value."""
-    source, name, _ = column
+    """The largest absolute value of a column of whole numbers, 0 for others; None without value."""
+    if column.type not in _WHOLE:
+        return 0
     found = connection.execute(
-        f"SELECT max(abs({quoted(name)}::HUGEINT)) FROM {source}"  # noqa: S608
+        f"SELECT max(abs({quoted(column.name)}::HUGEINT)) FROM {column.source}"  # noqa: S608
     ).fetchone()
     return found[0] if found else None
 
 
-def _share_values(
+def _share_wholes(
     connection: DuckDBPyConnection, some: Sequence[Column], others: Sequence[Column]
 ) -> bool:
-    """Whether a value of some columns is a value of others."""
+    """Whether a whole number of some columns is one of others."""
     one, other = (
         " UNION ALL ".join(
-            f"SELECT {quoted(name)}::DOUBLE FROM {source} WHERE {quoted(name)} IS NOT NULL"  # noqa: S608
-            for source, name, _ in columns
+            f"SELECT {quoted(name)}::DOUBLE AS x FROM {source}"  # noqa: S608
+            for source, name, *_ in columns
         )
         for columns in (some, others)
     )
-    found = connection.execute(f"SELECT 1 FROM (({one}) INTERSECT ({other})) LIMIT 1")  # noqa: S608
+    found = connection.execute(
+        f"SELECT 1 FROM (({one}) INTERSECT ({other})) WHERE x = trunc(x) LIMIT 1"  # noqa: S608
+    )
     return found.fetchone() is not None

@@ -72,6 +72,11 @@ def test_different_cells_of_campaigns_stay_different(
         (([""], ["0.5"]), "DOUBLE"),
         (([""], ["007"]), "VARCHAR"),
         ((["1", "2"], ["1.0"]), "VARCHAR"),
+        ((["1", "2"], ["1.0", "0.5"]), "VARCHAR"),
+        ((["0", "1"], ["0", "0.5", "1"]), "DOUBLE"),
+        ((["0", "0.25"], ["0", "0.5"]), "DOUBLE"),
+        ((["0", "0.25"], ["0.0", "0.5"]), "VARCHAR"),
+        ((["0.5", "1.5"], ["0.5", "2.0"]), "DOUBLE"),
     ],
 )
 def test_types_of_different_campaigns_are_united(
@@ -104,6 +109,35 @@ def test_types_of_parameters_are_united(
         )
         folders.append(tmp_path / name)
     assert tables(folders)["runs"]["param_p"] == type_
+
+
+@pytest.mark.parametrize(
+    ("cells", "type_"),
+    [
+        (("0", "0.5\n0"), "DOUBLE"),
+        (("0.5\n0", "0"), "DOUBLE"),
+        (("0.5\n0", "0", "2.5", "0.0"), "VARCHAR"),
+        (("1", "0.5\n1.0"), "VARCHAR"),
+    ],
+)
+def test_runs_that_arrive_later_keep_numbers(
+    tmp_path: Path, cells: tuple[str, ...], type_: str
+) -> None:
+    campaign = finished_campaign(tmp_path, len(cells))
+    versions: dict[str, str] = {}
+    for run, text in zip(Layout(campaign).run_folders(), cells, strict=True):
+        (run / "x.csv").write_text(f"v\n{text}\n")
+        versions[f"{run.parent.name}/{run.name}"] = "1"
+        update_columnar(Layout(campaign), versions)
+    assert tables([campaign])["x"]["v"] == type_
+    if type_ == "VARCHAR":
+        found = ask([campaign], "SELECT v FROM x").rows
+        assert sorted(v for (v,) in found) == sorted("\n".join(cells).split("\n"))
+
+
+def test_numbers_that_become_text_have_their_spelling(tmp_path: Path) -> None:
+    found = ask(campaigns(tmp_path, [["0", "0.25"], ["0.0", "0.5"], ["3"]]), "SELECT v FROM x")
+    assert sorted(v for (v,) in found.rows) == ["0", "0.0", "0.25", "0.5", "3"]
 
 
 def test_tables_whose_names_differ_in_case_are_one(tmp_path: Path) -> None:
