@@ -137,7 +137,7 @@ class Survey:
     def _own_files(self) -> Files:
         found: Files = {}
         for entry in os.scandir(self.campaign):
-            if entry.is_file() and not entry.name.startswith((".", *_GENERATED)):
+            if os.path.isfile(entry.path) and not entry.name.startswith((".", *_GENERATED)):
                 status = entry.stat()
                 found[entry.name] = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
         for name in _OWN_FOLDERS:

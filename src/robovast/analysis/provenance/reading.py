@@ -69,7 +69,7 @@ def list_files(folder: str, prefix: str) -> Iterator[str]:
             continue
         if entry.is_dir(follow_symlinks=False):
             yield from list_files(entry.path, f"{prefix}{name}/")
-        elif entry.is_file():
+        elif entry.is_file(follow_symlinks=False) or os.path.isfile(entry.path):
             yield prefix + name
 
 

@@ -15,6 +15,7 @@ from support.campaigns.described import DATASET, NAME, RECORD, make_old_campaign
 from support.campaigns.searches import write_search
 
 from robovast.analysis.provenance import PluginFaultsError, describe, write_graph, write_metadata
+from robovast.analysis.provenance.reading import list_files
 from robovast.analysis.provenance.vocabulary import PREFIXES, ROBOVAST
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
@@ -309,3 +310,11 @@ def test_what_was_varied_is_in_the_graph(campaign: Path) -> None:
     assert violations(graph) == ""
     metadata = parse_yaml((campaign / "metadata.yaml").read_text())
     assert metadata["configurations"][0]["factors"] == factors
+
+
+def test_links_that_lead_nowhere_are_no_files(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").touch()
+    (tmp_path / "linked.csv").symlink_to("a.csv")
+    for name, target in {"self": "self", "gone": "missing", "long": "x" * 300}.items():
+        (tmp_path / name).symlink_to(target)
+    assert list(list_files(str(tmp_path), "")) == ["a.csv", "linked.csv"]
