@@ -25,6 +25,8 @@ _AMOUNT = re.compile(r"[+-]?\d+(?P<fraction>\.\d+)?[a-z]\w*", re.IGNORECASE)
 _DECIMAL = re.compile(r"[-+]?(?=[^eE]*[0-9])[0-9]*(?:\.[0-9]*(?:[eE][-+]?[0-9]+)?|[eE][-+]?[0-9]+)")
 _INTEGER = re.compile(r"[-+]?(?:0|[1-9][0-9]{0,3999})")
 _WITHOUT_DIGITS = re.compile(r"[-+]?\.inf|\.nan", re.IGNORECASE)
+_GROUPED = re.compile(r"[-+]?(?:0x[0-9a-fA-F_]+|0b[01_]+|[1-9][0-9_]*(?:\.[0-9_]*)?)")
+"""Other spellings that YAML 1.1 and people read alike, such as `0x10` and `1_000`."""
 _TRUTHS = {
     **dict.fromkeys(("yes", "true", "on"), True),
     **dict.fromkeys(("no", "false", "off"), False),
@@ -66,7 +68,7 @@ def as_declared(
 ) -> Iterator[tuple[_Path, Any]]:
     """Parts of a value that have another type than the scenario declares, with the right value.
 
-    Where a number is declared, one that is not written in decimal digits becomes its text, which
+    Where a number is declared, an ambiguous spelling, such as `010`, becomes its text, which
     `refusal` refuses.
 
     Args:
@@ -110,14 +112,15 @@ def _typed(expected: str | None, value: Any, spelt: str | None, kind: str) -> An
     if isinstance(value, str):
         return _number_in(value, expected)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if is_number and expected in (_WHOLE, _NUMBER) and spelt and not _is_decimal(spelt):
+    if is_number and expected in (_WHOLE, _NUMBER) and spelt and not _is_unambiguous(spelt):
         return spelt
     return None
 
 
-def _is_decimal(text: str) -> bool:
+def _is_unambiguous(text: str) -> bool:
     """Whether YAML reads a number as people do; it reads `010` as 8 and `1:30` as 90."""
-    return _number_in(text, _NUMBER) is not None or bool(_WITHOUT_DIGITS.fullmatch(text))
+    others = _WITHOUT_DIGITS.fullmatch(text) or _GROUPED.fullmatch(text)
+    return _number_in(text, _NUMBER) is not None or others is not None
 
 
 def _number_in(text: str, expected: str | None) -> int | float | None:
@@ -163,8 +166,9 @@ def _refusal(
     if expected is None or isinstance(value, _KINDS[expected]):
         return None
     default = "" if kind in _OF_TYPES else f", as its default `{parameter.default_text}` is"
-    is_spelling = isinstance(value, str) and re.match("[-+]?[0-9]", value)
-    form = " in decimal digits, such as `10`" if is_spelling else ""
+    is_spelling = isinstance(value, str) and re.fullmatch(r"[-+]?[0-9][0-9a-fxo:._+-]*", value)
+    odd = is_spelling and not _is_unambiguous(value)
+    form = " in decimal digits, such as `10`" if odd else ""
     return _sentence(place, expected + form + (default if expected == _WHOLE else ""), value)
 
 

@@ -41,10 +41,12 @@ The scenario declares the types of its parameters, and these types apply to `par
 | `bool` | `true`, `no`, `"yes"` | true or false |
 
 The rule also applies to the items of lists and to the fields of structures that the scenario file
-declares. Any other value is an error, with its place and the line of the declaration. If the
-scenario file cannot be read, or if it does not declare the type, YAML 1.1 decides. It reads `12:30`
-as 750 and `no` as false, so put such text into quotes. Also put it into quotes in a Campaign that
-you apply with `kubectl`, because the Kubernetes API stores values without their spelling.
+declares. Any other value is an error, with its place and the line of the declaration. Numbers that
+YAML 1.1 reads in an unexpected way, such as `010`, `1:30` and `1e400`, are errors where a number is
+declared. If the scenario file cannot be read, or if it does not declare the type, YAML 1.1 decides.
+It reads `12:30` as 750 and `no` as false, so put such text into quotes. Also put it into quotes in
+a Campaign that you apply with `kubectl`, because the Kubernetes API stores values without their
+spelling.
 """
 
 _PLUGIN_NOTE = """
