@@ -83,7 +83,7 @@ def logs(lab: Lab) -> None:
     print(f"log of a run that is executed: {spread(asked['executed'])}")
     print(f"… by kubectl: {spread(asked['kubectl'])}")
     print(f"… of one that is stored: {spread(asked['stored'])}")
-    follow = [VAST, "exec", "cluster", "logs", "-f", "talk", "one-2/0", *where]
+    follow = [VAST, "exec", "cluster", "logs", "--follow", "talk", "one-2/0", *where]
     print(f"a followed line comes late by {spread(late(lab, follow))}")
     kubectl = [programs.kubelite(), "kubectl", "--namespace", lab.namespace, *of_pod, "--follow"]
     print(f"… by kubectl: {spread(late(lab, kubectl))}", flush=True)
@@ -108,7 +108,7 @@ def late(lab: Lab, command: list[str | Path]) -> list[float]:
 
 def execute(lab: Lab, path: Path, *options: str, code: int = 0) -> float:
     """How long a campaign takes, as its user sees it [s]."""
-    words = ("-V", path, "exec", "cluster", "run", "-i", images.SLIM, *options)
+    words = ("-V", path, "exec", "cluster", "run", "--image", images.SLIM, *options)
     return timed(lambda: lab.vast(*words, code=code))
 
 
@@ -136,7 +136,7 @@ def division(lab: Lab, runs: int = 40) -> None:
     print(f"{runs} runs of 2 s, 5 at once: {whole:.1f} s, brought home in {home:.1f} s")
     with in_two_contexts(lab) as two:
         begin = time.perf_counter()
-        run = ("-V", path, "exec", "cluster", "run", "-i", images.SLIM, "--parallelism", "5")
+        run = ("-V", path, "exec", "cluster", "run", "--image", images.SLIM, "--parallelism", "5")
         told = two.vast(*run, "-x", "a", "-x", "b").stdout
         divided = time.perf_counter() - begin
         name = re.findall(r"-i (\S+) --context a --context b", told)[0]

@@ -222,7 +222,7 @@ def main() -> None:
                 (1.5, 1.15),
                 arguments.repeat,
                 lambda: bare_docker(folder, image),
-                lambda: campaign(folder / "docker", "--runtime", "docker", "-i", image),
+                lambda: campaign(folder / "docker", "--runtime", "docker", "--image", image),
             )
 
 

@@ -83,7 +83,7 @@ def compare_with_cluster(folder: Path, times: int) -> None:
         begin = time.perf_counter()
         said = lab.vast(
             *("-V", document, "exec", "cluster", "run", "-n", lab.namespace),
-            *(*chosen, "-i", images.SLIM),
+            *(*chosen, "--image", images.SLIM),
             code=None,
         ).stdout
         seconds = time.perf_counter() - begin

@@ -40,7 +40,7 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
     """Two campaigns in parallel, one by `vast`, one by `kubectl apply` with inline files."""
     printed = lab.vast(
         *("-V", GROWTH, "exec", "cluster", "run", "-n", lab.namespace, "--dry-run"),
-        *("-r", 1, "-i", images.SLIM, "--parallelism", 4),
+        *("-r", 1, "--image", images.SLIM, "--parallelism", 4),
     ).stdout
     campaign = yaml.safe_load(printed)
     campaign["metadata"]["name"] = "by-kubectl"
@@ -48,7 +48,7 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
     run = subprocess.Popen(
         [
             *(VAST, "-V", GROWTH, "exec", "cluster", "run"),
-            *("-n", lab.namespace, "-r", "1", "-i", images.SLIM, "--parallelism", "4"),
+            *("-n", lab.namespace, "-r", "1", "--image", images.SLIM, "--parallelism", "4"),
         ],
         env=os.environ | lab.env,
         cwd=tmp_path,
@@ -90,7 +90,7 @@ def test_a_campaign_is_divided_among_clusters_and_comes_home_as_one(
 ) -> None:
     lab = divided
     path = make_campaign(lab.folder / "in", '[ "$1" != 2 ]\n', "  runs: 2\n", QUICK)
-    run = ("-V", path, "exec", "cluster", "run", "-i", images.SLIM)
+    run = ("-V", path, "exec", "cluster", "run", "--image", images.SLIM)
     refused = lab.vast(*run, "-x", "a", "-x", "none", code=None)
     assert refused.returncode != 0
     assert "none" in refused.stderr
@@ -123,7 +123,7 @@ def test_each_configuration_has_as_many_runs_as_it_needs_and_everybody_says_so(
     lab: Lab, tmp_path: Path
 ) -> None:
     path = make_campaign(tmp_path / "in", SOUND_BROKEN_MIXED, AS_NEEDED, QUICK)
-    words = ("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "-i", images.SLIM)
+    words = ("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "--image", images.SLIM)
     said = lab.vast(*words, code=1).stdout
     assert f"{DECISIONS}." in said
     assert "9 of 9 done: 5 passed, 4 failed; 3 not needed." in said
@@ -144,7 +144,7 @@ def test_of_a_design_of_which_one_value_was_edited_one_run_is_executed(
     image = containerd.of(lab.cluster.bed).named_by_digest(images.SLIM)
     script = 'echo "$1" > "$3/out.csv"; date +%N > "$3/when"\n'
     limits = "  seed: 3\n  resources: {cpu: 0.1, memory: 256Mi}\n"
-    words = ("exec", "cluster", "run", "--reuse", "-n", lab.namespace, "-i", image)
+    words = ("exec", "cluster", "run", "--reuse", "-n", lab.namespace, "--image", image)
     homes = []
     for last in (4, 5):
         document = QUICK.replace("[1, 2, 3]}", f"[1, 2, 3, {last}]}}{DESIGN}")
@@ -364,7 +364,7 @@ def test_files_whose_mode_a_campaign_cannot_hold_travel_as_an_archive(lab: Lab) 
     path = make_campaign(lab.folder / "modes", script, document=QUICK)
     (path.parent / "files/step.sh").chmod(0o755)
     (path.parent / "files/note").write_text("hello")
-    lab.vast("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "-i", images.SLIM)
+    lab.vast("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "--image", images.SLIM)
     (campaign,) = lab.get("campaigns")["items"]
     assert "bundle" in campaign["spec"]["source"]
     assert campaign["status"]["runs"]["passed"] == 3
@@ -530,7 +530,7 @@ def test_a_search_proposes_in_jobs_of_its_own_and_comes_home_as_one_of_this_mach
     script = 'echo "$1" >"$3/said"; [ "$1" -lt 50 ]\n'
     path = make_campaign(lab.folder / "search", script, search, document)
     (path.parent / "where.py").write_text(extractor)
-    lab.vast("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "-i", images.SLIM)
+    lab.vast("-V", path, "exec", "cluster", "run", "-n", lab.namespace, "--image", images.SLIM)
     (found,) = lab.get("campaigns")["items"]
     name, status = found["metadata"]["name"], found["status"]
     assert (status["search"]["batch"], status["search"]["evaluated"]) == (2, 4)

@@ -35,7 +35,7 @@ def test_an_incompatible_image_starts_no_run_and_everybody_says_why(lab: Lab) ->
     path = make_campaign(lab.folder / "old", "true\n", "", QUICK)
     done = lab.vast(
         *("-V", path, "exec", "cluster", "run", "-n", lab.namespace),
-        *("-i", images.WRONG_COMPAT),
+        *("--image", images.WRONG_COMPAT),
         code=3,
     )
     (campaign,) = lab.get("campaigns")["items"]

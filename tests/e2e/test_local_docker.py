@@ -251,7 +251,7 @@ def test_prepared_run_opens_a_shell_in_the_container(slim_image: str, tmp_path: 
 
 def test_start_only_opens_a_shell_with_the_inputs(slim_image: str, tmp_path: Path) -> None:
     path = make_campaign(tmp_path / "in", PASS)
-    options = ["--start-only", "--runtime", "docker", "-i", slim_image, "-c", "one-2"]
+    options = ["--start-only", "--runtime", "docker", "--image", slim_image, "-c", "one-2"]
     vast = Path(sys.executable).with_name("vast")
     result = call(vast, "-V", str(path), "exec", "local", "run", *options, text="ls /config\n")
     assert "scenario.params.yaml" in result.stdout.split()

@@ -13,7 +13,7 @@ from support.kube.lab import Lab, files
 from support.pages import ROOT, code_blocks
 
 OUTCOMES = {"drive-1-1-2-2/0": "arrived", "drive-2-1-2-2/0": "no way to the goal"}
-SELECT = ("-c", "drive-?-1-2-2", "-i", images.ROS)
+SELECT = ("-c", "drive-?-1-2-2", "--image", images.ROS)
 VERDICT = {"arrived": "passed"}
 
 
