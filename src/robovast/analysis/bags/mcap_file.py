@@ -244,6 +244,7 @@ class McapFile:
     def _index(self, chunk: Block, head: bytes, place: int, after: int) -> None:
         """Add the index of a channel's messages to the chunk in front of it."""
         if len(head) < _RECORD.size + _INDEX.size or place not in (chunk.until, chunk.index):
+            self._doubt_index()  # other records lie between the indexes of its channels
             return
         channel, length = _INDEX.unpack_from(head, _RECORD.size)
         if place + _RECORD.size + _INDEX.size + length != after:
