@@ -60,7 +60,7 @@ def test_what_is_no_campaign_is_refused(tmp_path: Path) -> None:
 
 def test_tables_are_made_and_asked(tmp_path: Path) -> None:
     campaign = robovast.open_campaign(finished_campaign(tmp_path, 3))
-    with pytest.raises(robovast.RobovastError, match="no tables to ask"):
+    with pytest.raises(robovast.RobovastError, match="no tables to query"):
         campaign.query("SELECT 1 FROM runs")
     assert not campaign.postprocess().failures
     answer = campaign.query("SELECT config, count(*) AS runs FROM runs GROUP BY ALL ORDER BY ALL")
