@@ -36,6 +36,7 @@ from robovast_operator.effects.queues import Queues
 from robovast_operator.effects.status_writer import Statuses
 from robovast_operator.effects.witness import Witness
 from robovast_operator.kube import paths
+from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import PAUSE, Api, ApiError
 from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.lenient import mapping
@@ -62,6 +63,7 @@ from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.conditions import is_settled
 from robovast_operator.status.failures import trouble_of_error
 from robovast_operator.status.status import tell
+from robovast_operator.status.story import story
 
 LOGGER = logging.getLogger(__name__)
 
@@ -372,10 +374,12 @@ class Reconciler:
         try:
             for action in decision.actions:
                 await self._act(accepted, action, memory)
-        except ApiError:
-            seen, old = tell(snapshot, ()), snapshot.status
-            kept = {"conditions": old.conditions or seen.conditions, "state": old.state}
-            await self._statuses.write(obj, seen.model_copy(update=kept))
+        except ApiError as error:
+            if is_refusal(error):
+                seen, old = tell(snapshot, ()), snapshot.status
+                kept = {"conditions": old.conditions or seen.conditions, "state": old.state}
+                events = tuple(story(snapshot, seen))
+                await self._statuses.write(obj, seen.model_copy(update=kept), events)
             raise
         written = await self._statuses.write(obj, decision.status, decision.events)
         if not written:

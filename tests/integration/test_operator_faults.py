@@ -115,7 +115,7 @@ def test_a_first_list_that_is_cut_off_hides_no_campaign(
     cut = proxy.break_("GET", "/campaigns.*watch=true", cut_first_event, 1)
     operator = start()
     for name in names:
-        eventually(lambda name=name: status(fake_cluster, namespace, name), 20, operator.told)
+        eventually(lambda name=name: status(fake_cluster, namespace, name), told=operator.told)
     assert cut.hits == 1
 
 

@@ -23,7 +23,7 @@ Answer = web.StreamResponse
 Forward = Callable[[], Awaitable[Answer]]
 Action = Callable[[web.Request, Forward], Awaitable[Answer]]
 
-FIRST_ONLY = "first event only"
+FIRST_ONLY = web.RequestKey("first event only", bool)
 HOP_BY_HOP = frozenset({"connection", "content-length", "host", "transfer-encoding"})
 
 
