@@ -18,6 +18,8 @@ from support.patience import eventually
 from support.servers import shares as share_servers
 from support.servers.shares import PASSWORD, USER
 
+from robovast.campaign.imported import MARK
+
 WEBDAV_PORT, SFTP_PORT = 8480, 8422
 FAR = """
 import os
@@ -118,8 +120,9 @@ def share(lab: Lab) -> Iterator[Share]:
 
 
 def files(campaign: Path) -> dict[str, object]:
-    """Content of every file, and where every link leads."""
-    paths = [path for path in campaign.rglob("*") if path.is_symlink() or path.is_file()]
+    """Content of every file but the mark of imports, and the target of every link."""
+    found = (path for path in campaign.rglob("*") if path.name != MARK)
+    paths = [path for path in found if path.is_symlink() or path.is_file()]
     return {
         path.relative_to(campaign).as_posix(): path.readlink()
         if path.is_symlink()
