@@ -122,7 +122,7 @@ def test_a_run_without_a_recorded_seed_says_so(tmp_path: Path) -> None:
 def test_what_cannot_be_replayed_is_one_message(tmp_path: Path) -> None:
     folder = executed(tmp_path, NOISY)
     config = folder.parent.parent / "_config"
-    assert replay(folder.parent / "9")[1].count("there is no run with a `run.json`") == 1
+    assert replay(folder.parent / "9")[1].count("there is no such folder") == 1
     for several in (folder.parent, folder.parent.parent):
         assert f"{several}: is not the folder of one run." in replay(several)[1]
         assert f"such as {folder}." in replay(several)[1]
