@@ -186,9 +186,7 @@ class CampaignState:
         elapsed = self.elapsed(now)
         if elapsed is None or self.finished or self.suspended or not self.done:
             return None
-        if (
-            self.is_old(now) or self.status.search is not None
-        ):  # nobody knows what it will still propose
+        if self.is_old(now) or self.status.search is not None:  # its further proposals are unknown
             return None
         return elapsed / self.done * (self.status.runs.needed - self.done)
 

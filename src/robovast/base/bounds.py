@@ -7,11 +7,11 @@ import time
 LARGEST = 64 << 20
 """Largest piece of a file, decompressed or not, that is held in memory [bytes]."""
 SECONDS = 10.0
-"""Longest scan of a file for an answer that somebody waits for."""
+"""Longest scan of a file for an interactive answer."""
 PATIENT = 600.0
 """Longest scan of a file in a batch [s]."""
 MOST_RECORDS = 5_000_000
-"""Records of a file that are scanned for an answer that somebody waits for."""
+"""Records of a file that are scanned for an interactive answer."""
 _EVERY = 256
 """Records between looks at the clock."""
 
@@ -39,5 +39,5 @@ class Bound:
 
 
 def patient() -> Bound:
-    """The bound of batches, which have large files and nobody who waits."""
+    """The bound of batches, which read large files without a waiting user."""
     return Bound(PATIENT, 1 << 40)

@@ -58,7 +58,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class Replay:
-    """A replay beside the run that it repeats."""
+    """A replay next to the run that it repeats."""
 
     of: str
     """The run, `<campaign>/<variant>/<run>`."""

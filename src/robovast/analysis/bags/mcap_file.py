@@ -267,7 +267,7 @@ class McapFile:
             self._fault(f"has {chunks} of the {self.indexed_chunks} chunks in its index")
 
     def _complete(self, file: BinaryIO) -> None:
-        """Find what only the content of chunks tells: channels, and times that are wrong."""
+        """Read the channels and correct the times of chunks from their content."""
         for block in self.blocks:
             known = block.channels and block.channels <= self._channels.keys()
             if not block.chunk or (known and 0 < block.start <= block.end):

@@ -37,7 +37,7 @@ class Column(NamedTuple):
     name: str
     type: str
     plain: bool
-    """Whether a `DOUBLE` was written without `.0` where it is whole, as `0` beside `0.5`."""
+    """Whether a `DOUBLE` was written without `.0` where it is whole, as `0` next to `0.5`."""
 
 
 PLAIN = "whole numbers have no decimal point"
