@@ -94,7 +94,7 @@ def test_a_link_on_the_way_is_not_followed(out: Path, host: Path) -> None:
 
 def test_the_root_itself_may_be_a_link(out: Path, host: Path) -> None:
     (out / "root").symlink_to(host)
-    assert safe_paths.read_text(out / "root" / "key", root=out / "root") == "secret"
+    assert safe_paths.read_file(out / "root" / "key", root=out / "root") == b"secret"
 
 
 def test_nothing_is_read_past_the_root(out: Path, host: Path) -> None:
@@ -232,7 +232,7 @@ def test_a_folder_that_becomes_a_link_meanwhile_leads_nowhere(
             with suppress(OSError):
                 (out / "real" / "key").write_text("own")
             with suppress(OSError):
-                read.add(safe_paths.read_text(out / "a" / "key", root=out))
+                read.add(safe_paths.read_file(out / "a" / "key", root=out))
             with suppress(OSError):
                 safe_paths.move(out / "a" / "key", out, stored / f"{number}", stored)
             with suppress(OSError):
@@ -243,5 +243,5 @@ def test_a_folder_that_becomes_a_link_meanwhile_leads_nowhere(
                 safe_paths.make_folder(out / "a" / "folder", out)
     assert content(host) == {"key": "secret"}
     assert list(host.iterdir()) == [host / "key"]
-    assert read <= {"own", ""}
+    assert read <= {b"own", b""}
     assert {path.read_text() for path in stored.iterdir()} <= {"own", ""}

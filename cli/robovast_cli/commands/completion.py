@@ -12,7 +12,7 @@ from typer.completion import (  # type: ignore[attr-defined]  # documented, not 
 
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import InputError
-from robovast.base.file_errors import writing
+from robovast.base.file_errors import read_text, writing
 from robovast_cli.lazy import new_app
 
 app = new_app("Complete commands and options in your shell.")
@@ -64,7 +64,7 @@ def _install(shell: Shell, home: Path) -> Path:
 
 
 def _add_line(path: Path, line: str) -> None:
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    text = read_text(path) if path.exists() else ""
     if line not in text.splitlines():
         separator = "" if not text or text.endswith("\n") else "\n"
         with path.open("a", encoding="utf-8") as file:

@@ -74,14 +74,7 @@ def _all() -> list[dict[str, Any]]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        data = Source(path, path.read_text(encoding="utf-8")).data or {}
-    except FileNotFoundError:
-        return {}
-    except OSError as error:
-        raise InputError(f"the kubeconfig {path} cannot be read: {error.strerror}.") from error
-    except UnicodeDecodeError:
-        raise InputError(f"the kubeconfig {path} is not text in UTF-8.") from None
+    data = (path.exists() and Source.read(path).data) or {}
     if not isinstance(data, dict):
         raise InputError(f"{path} is no kubeconfig: it holds no mapping.")
     return data

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from robovast.analysis.provenance.query import Answer, Graphs, query_names, read_query
 from robovast.analysis.provenance.vocabulary import PREFIXES
 from robovast.base.errors import InputError
-from robovast.base.file_errors import reading
+from robovast.base.file_errors import read_text
 from robovast.base.printable import printable_json
 from robovast_cli.ui.output import say_data
 from robovast_cli.ui.table import format_table
@@ -44,8 +44,7 @@ def _read(query: str) -> str:
         if query == "-":
             return sys.stdin.read()
         path = Path(query)
-        with reading(path):
-            return path.read_text(encoding="utf-8") if path.is_file() else read_query(query)
+        return read_text(path) if path.is_file() else read_query(query)
     except UnicodeDecodeError:
         raise InputError(f"{query}: is not text in UTF-8.") from None
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from robovast.base.safe_paths import MOST_OF_ALL, read_file
 from robovast.base.sequential import SequentialTest
 from robovast.campaign.decisions import decide, runs_to_start
 from robovast.campaign.verdict import Verdict
@@ -152,7 +153,7 @@ def job_name(pack: int, number: int) -> str:
 
 def read_pack(path: Path) -> Pack:
     """The pack as it was written."""
-    data = json.loads(path.read_text(encoding="utf-8"))
+    data = json.loads(read_file(path, most=MOST_OF_ALL))
     done = {int(id_): Verdict(verdict) for id_, verdict in data["done"].items()}
     changed = {
         "owner": data["owner"] and Owner(**data["owner"]),

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 
 from robovast.base.atomic import appearing_file
+from robovast.base.safe_paths import MOST_OF_ALL, read_file
 
 
 class ContentCache:
@@ -28,7 +29,8 @@ class ContentCache:
         """A hash of the content of files and of further values; paths do not matter."""
         digest = hashlib.sha256()
         for file in files:
-            digest.update(hashlib.sha256(Path(file).read_bytes()).digest())
+            with Path(file).open("rb") as content:
+                digest.update(hashlib.file_digest(content, "sha256").digest())
         digest.update(repr(values).encode())
         return digest.hexdigest()
 
@@ -83,7 +85,8 @@ class FileCache:
         path = self._cache.get(self._name(input_files, strings_for_hash))
         if path is None or not content:
             return path
-        return path.read_bytes() if binary else path.read_text(encoding="utf-8")
+        found = read_file(path, most=MOST_OF_ALL)
+        return found if binary else found.decode()
 
     def save_file_to_cache(
         self,

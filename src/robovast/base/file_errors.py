@@ -11,9 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from robovast.base.errors import InputError, StorageError
+from robovast.base.safe_paths import read_file
 
-_LARGEST = 64 << 20
-"""Largest text file of a user that is read [byte]."""
+LARGEST = 64 << 20
+"""Largest file of a user that is read by default [bytes]."""
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 _WORDS = {
     errno.EISDIR: "it is a folder",
@@ -87,21 +88,27 @@ def writing(path: Path) -> Iterator[None]:
         raise StorageError(f"{name}: cannot be written: {cause(error)}.") from error
 
 
+def read_content(path: Path, most: int = LARGEST) -> bytes:
+    """Read a regular file that the user named, through links; see `safe_paths.read_file`.
+
+    Raises:
+        InputError: the file cannot be read, or has more than `most` bytes.
+    """
+    try:
+        with reading(path):
+            return read_file(path.resolve(), most=most)
+    except ValueError:  # a NUL, or half of a surrogate pair
+        raise InputError(f"no file can be called {str(path)!r}") from None
+
+
 def read_text(path: Path) -> str:
-    """Read a text file of the user, such as a .vast file, in UTF-8.
+    """Read a text file that the user named, such as a .vast file, in UTF-8.
 
     Raises:
         InputError: the file cannot be read, has more than 64 MiB, or is not a text file.
     """
     try:
-        with reading(path), path.open("rb") as file:
-            content = file.read(_LARGEST + 1)
-    except ValueError:  # a NUL, or half of a surrogate pair
-        raise InputError(f"no file can be called {str(path)!r}") from None
-    if len(content) > _LARGEST:
-        raise InputError(f"{path}: is larger than {_LARGEST >> 20} MiB; is it the right file?")
-    try:
-        return content.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+        return read_content(path).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         raise InputError(
             f"{path}: not a text file in UTF-8 (byte {error.start}): is it the right file?"

@@ -62,13 +62,8 @@ def read_file(path: Path, root: Path | None = None, most: int = MOST) -> bytes:
     with open_file(path, root) as file:
         content = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else None
     if content is None or len(content) > most:
-        raise OSError(errno.EFBIG, f"is larger than {most} bytes", str(path))
+        raise OSError(errno.EFBIG, f"is larger than {most >> 20} MiB", str(path))
     return content
-
-
-def read_text(path: Path, root: Path | None = None, most: int = MOST) -> str:
-    """Read a regular file as text; invalid UTF-8 is replaced; see `read_file`."""
-    return read_file(path, root, most).decode("utf-8", "replace")
 
 
 def read_end(path: Path, root: Path, most: int, begin: int = 0) -> tuple[bytes, int]:

@@ -111,7 +111,7 @@ def copy_run_record(source: Path, target: Path, **changes: Any) -> None:
         target: folder without a record.
         changes: new values of keys; other keys are kept, including those of newer versions.
     """
-    data = json.loads((source / RUN_RECORD).read_bytes())
+    data = json.loads(read_file(source / RUN_RECORD))
     _write(target, {**data, **changes})
 
 

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from robovast.base.errors import Place, Problem
+from robovast.base.errors import InputError, Place, Problem
+from robovast.base.file_errors import read_text
 from robovast.base.plugins import plugins_of, split_file_reference
 from robovast.common.execution import campaign_prefix
 from robovast.model.document import Document
@@ -178,8 +179,8 @@ def _listed(value: Any) -> list[Any]:
 def _text(file: Path) -> str:
     """Of a floor plan; what cannot be read is said when it is expanded."""
     try:
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        return read_text(file)
+    except InputError:
         return ""
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Lock
 
 from robovast.base.errors import InputError
+from robovast.base.safe_paths import read_file
 from robovast.campaign.places import OMITTED
 from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.campaigns import find_campaigns
@@ -141,7 +142,7 @@ class Library:
         """Refuse a campaign that a mirror has no room for; the reason is in its folder."""
         with suppress(OSError):
             path = resolved(self.results, name) / OMITTED
-            raise InputError(path.read_text(encoding="utf-8"))
+            raise InputError(read_file(path).decode())
 
     def _may_have_changed(self, shelf: _Shelf) -> bool:
         changed = resolved(self.results, shelf.index.name).stat().st_mtime_ns

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from robovast.base.atomic import discard, sweep, write_atomically
 from robovast.base.errors import StorageError
+from robovast.base.safe_paths import read_file
 from robovast.campaign.places import OMITTED, ORIGIN
 from robovast.model.naming import TRANSIENT, get_campaign_timestamp, is_campaign_dir
 from robovast.model.packs import Owner
@@ -153,7 +154,7 @@ def _remove_purged(store: ObjectStore, results: Path, buckets: Collection[str]) 
     """Remove campaigns whose bucket is gone; never folders that did not come from a bucket."""
     sweep(results)
     for origin in results.glob(f"*/{ORIGIN}"):
-        bucket = origin.read_text(encoding="utf-8")
+        bucket = read_file(origin).decode()
         if bucket not in buckets and not store.has_bucket(bucket):
             LOGGER.info("%s: its bucket %s is gone", origin.parent.name, bucket)
             discard(origin.parent)

@@ -33,10 +33,10 @@ class PackOutput:
     def is_over(self, run: Run) -> bool:
         """Whether the contract's driver says that a run is finished, which no folder can say."""
         try:
-            listed = safe_paths.read_text(self.own / FINISHED_RUNS, self.root)
+            listed = safe_paths.read_file(self.own / FINISHED_RUNS, self.root)
         except OSError:
             return False
-        return run.path in listed.splitlines()
+        return run.path.encode() in listed.splitlines()
 
     def has_result(self, run: Run) -> bool:
         """Whether the run has a test.xml."""

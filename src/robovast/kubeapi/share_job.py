@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import read_text
 from robovast.base.plugins import split_file_reference
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast.kubeapi.pod_contract.exit_codes import USELESS
@@ -94,7 +95,7 @@ def share_variables(kind: str, provider: BaseShareProvider, folder: Path) -> dic
     if parts is None:
         return {**variables, SHARE_TYPE: kind}
     path, name = parts
-    text = (folder / path).read_text(encoding="utf-8")
+    text = read_text(folder / path)
     return {**variables, SHARE_TYPE: f"{PROVIDER_FILE}:{name}", PROVIDER_FILE: text}
 
 

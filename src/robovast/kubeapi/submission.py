@@ -20,7 +20,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from robovast.base.errors import InputError
-from robovast.base.file_errors import reading
+from robovast.base.file_errors import read_content
+from robovast.base.safe_paths import MOST_OF_ALL
 from robovast.kubeapi.amounts import check_amounts
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
 from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
@@ -236,8 +237,8 @@ def _input_files(document: Document, select: Selection) -> dict[str, InputFile]:
 def _read(paths: Mapping[str, Path]) -> dict[str, InputFile]:
     files = {}
     for name, path in paths.items():
-        with reading(path):
-            files[name] = InputFile(path.read_bytes(), bool(path.stat().st_mode & 0o100))
+        content = read_content(path, MOST_OF_ALL)
+        files[name] = InputFile(content, bool(path.stat().st_mode & 0o100))
     return files
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError, RobovastError
+from robovast.base.file_errors import read_content
 from robovast.base.plugins import (
     PluginRefusedError,
     load_plugin,
@@ -96,7 +97,7 @@ def _class_with_files(folder: Path, call: PluginCall) -> Any:
 
 
 def _mentions(path: Path, name: str) -> bool:
-    return path.is_file() and name in path.read_text(encoding="utf-8", errors="replace")
+    return path.is_file() and name.encode() in read_content(path)
 
 
 def _plugin_calls(document: Document) -> Iterator[PluginCall]:

@@ -292,7 +292,7 @@ class History:
     def _load(self, number: int, part: str, kind: Any) -> Any:
         path = self._layout.batch(number, part)
         try:
-            data = json.loads(safe_paths.read_text(path, most=_MOST))
+            data = json.loads(safe_paths.read_file(path, most=_MOST))
             return TypeAdapter(kind).validate_python(data)
         except ValidationError as error:
             first = error.errors()[0]

@@ -27,6 +27,7 @@ from robovast.base.atomic import put_in_place
 from robovast.base.errors import RobovastError, StorageError
 from robovast.base.file_errors import cause
 from robovast.base.locks import exclusive_folder
+from robovast.base.safe_paths import read_file
 from robovast.campaign.layout import (
     EXECUTION_RECORD,
     JOB_LINK,
@@ -345,7 +346,7 @@ def _link_job(run: Path) -> None:
 def job_link(record: Path) -> Path | None:
     """Target of a run's `job` link; None if its record does not contain it."""
     try:
-        job = json.loads(record.read_text(encoding="utf-8"))["job"]
+        job = json.loads(read_file(record))["job"]
     except (ValueError, TypeError, KeyError):
         return None  # a record of another version; all files are here
     named = isinstance(job, str) and _JOB.fullmatch(job)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import StorageError
+from robovast.base.safe_paths import read_file
 from robovast.campaign.layout import STAGE
 from robovast.model.naming import get_campaign_timestamp
 from robovast.model.packs import Owner
@@ -72,7 +73,7 @@ def _is_free_for(folder: Path, owner: Owner | None) -> bool:
 
 def _owner_of(folder: Path) -> Owner | None:
     try:
-        return parse_owner((folder / OWNER).read_bytes(), f"{folder}")
+        return parse_owner(read_file(folder / OWNER), f"{folder}")
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:

@@ -12,7 +12,7 @@ import yaml
 
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import DocumentError, InputError, RobovastError
-from robovast.base.file_errors import writing
+from robovast.base.file_errors import read_content, writing
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import compose_yaml
 from robovast.campaign.configurations import read_variants
@@ -68,7 +68,7 @@ def import_entries(target: Path, source: Path) -> None:
     entries = [entry for entry in given if _is_usable(document, entry, source)]
     if not entries:
         raise InputError(f"{source}: none of its configurations can be used in {target}.")
-    text = append_entries(target.read_bytes().decode(), entries, target)
+    text = append_entries(read_content(target).decode(), entries, target)
     check_source(Source(target, text))
     with writing(target):
         mode = target.stat().st_mode

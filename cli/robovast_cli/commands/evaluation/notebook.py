@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from robovast.base.errors import ExitCode
+from robovast.base.file_errors import read_content
 from robovast_cli.lazy import new_app
 from robovast_cli.ui.output import say
 
@@ -73,7 +74,7 @@ def notebook(
     else:
         import nbformat
 
-        content = read_notebook(original.read_bytes(), target.folder, batch)
+        content = read_notebook(read_content(original), target.folder, batch)
         copy.write_text(nbformat.writes(content), encoding="utf-8")
         say(f"Wrote {copy}.")
     return _open(copy, original.parent)

@@ -22,6 +22,7 @@ from rosbags.typesys import (
 )
 
 from robovast.analysis.bags.nav2_feedback import FEEDBACK
+from robovast.base.safe_paths import read_file
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import FieldDesc, Typesdict
@@ -186,7 +187,7 @@ def _types_from_idl(text: str) -> Typesdict:
 
 def _types_from_files(type_: str, folder: Path | None) -> Typesdict:
     path = _find(type_, folder)
-    text = path.read_text(encoding="utf-8-sig", errors="replace") if path else ""
+    text = read_file(path).decode("utf-8-sig", "replace") if path else ""
     if not type_.endswith(_FEEDBACK):
         return _types_from_msg(text, type_) if path else {}
     action = type_.removesuffix(_FEEDBACK)

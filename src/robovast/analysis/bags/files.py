@@ -18,7 +18,7 @@ from robovast.analysis.bags.order import in_order
 from robovast.analysis.bags.source import BagFile, Consumer, Subscribe, Types, Warn
 from robovast.analysis.bags.sqlite_file import SqliteFile
 from robovast.base.bounds import patient
-from robovast.base.safe_paths import is_file, open_file, read_text
+from robovast.base.safe_paths import is_file, open_file, read_file
 from robovast.base.yaml_files import parse_yaml
 
 PLAIN = (".mcap", ".db3")
@@ -57,7 +57,7 @@ class _Metadata(BaseModel):
 def read_info(folder: Path, warn: Warn) -> BagInfo:
     """Read the metadata of a bag, if there are any."""
     try:
-        data = parse_yaml(read_text(folder / "metadata.yaml"))
+        data = parse_yaml(read_file(folder / "metadata.yaml").decode("utf-8", "replace"))
         return _Metadata.model_validate(_without_nulls(data)).rosbag2_bagfile_information
     except FileNotFoundError:
         warn(f"{folder.name} has no metadata.yaml: its recorder was stopped while writing")

@@ -13,7 +13,7 @@ from robovast.analysis.minimise.shrinking import Items, Ladder, Parameters
 from robovast.analysis.minimise.trials import Judged, Outcome
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import InputError
-from robovast.base.safe_paths import read_text
+from robovast.base.safe_paths import read_file
 from robovast.base.sequential import SequentialTest
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import record_text
@@ -158,7 +158,7 @@ def read_request(layout: Layout) -> Request:
     """
     path = layout.root / RECORD
     try:
-        found = _Recorded.model_validate(json.loads(read_text(path, layout.root)))
+        found = _Recorded.model_validate(json.loads(read_file(path, layout.root)))
     except (OSError, ValueError, RecursionError) as error:
         why = (
             "is damaged" if not isinstance(error, OSError) else f"cannot be read: {error.strerror}"

@@ -28,6 +28,7 @@ from robovast.analysis.postprocessing.outcome import (
 )
 from robovast.base.errors import InputError, RobovastError
 from robovast.base.plugins import load_plugin, raised
+from robovast.base.safe_paths import read_file
 from robovast.model.document.commands import GROUP, BagCommand, bag_command
 
 GIVEN = ("provenance_file", "execution_image", "debug", "force")
@@ -227,7 +228,7 @@ def _file_entries(path: Path, plugin: str, base: Path, campaign: Path) -> list[d
     if not path.exists():
         return []
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(read_file(path))
     except (OSError, ValueError) as error:
         raise NonsenseError(f"its provenance file is not JSON: {error}") from error
     if not isinstance(data, dict):

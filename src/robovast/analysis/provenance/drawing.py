@@ -12,6 +12,7 @@ from typing import Any
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import CannotRunError, InputError
 from robovast.base.file_errors import writing
+from robovast.base.safe_paths import MOST_OF_ALL, read_file
 from robovast.model.naming import GRAPH
 
 DOT = "metadata.dot"
@@ -29,7 +30,7 @@ def write_drawing(campaign_dir: Path) -> None:
         StorageError: a file cannot be written.
     """
     try:
-        graph = json.loads((campaign_dir / GRAPH).read_bytes())
+        graph = json.loads(read_file(campaign_dir / GRAPH, most=MOST_OF_ALL))
     except (OSError, ValueError) as error:
         raise InputError(
             f"{campaign_dir / GRAPH}: cannot be read; `vast results metadata` writes it."

@@ -10,7 +10,7 @@ from typing import Any
 from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.reading import list_files, read_mapping
 from robovast.analysis.provenance.times import as_utc, from_epoch
-from robovast.base.safe_paths import read_text
+from robovast.base.safe_paths import read_file
 from robovast.campaign.layout import POSTPROCESSING, RUN_RECORD, SYSINFO, TEST_RESULT, job_folder
 from robovast.campaign.run_record import read_run_record, result_without_record
 from robovast.campaign.verdict import Verdict
@@ -134,7 +134,7 @@ _TYPE = re.compile(r"\btype['\"]?:\s*['\"]?([A-Za-z]\w*(?:/\w+)+)")
 def _bag_content(path: Path) -> dict[str, Any]:
     """A bag's metadata, extracted by regular expressions: a YAML parser would dominate run time."""
     try:
-        text = read_text(path)
+        text = read_file(path).decode("utf-8", "replace")
     except OSError:
         text = ""
     distro = _DISTRO.search(text)

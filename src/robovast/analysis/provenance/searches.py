@@ -11,7 +11,7 @@ from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.run_nodes import EXECUTION, compact
 from robovast.analysis.provenance.times import from_epoch
 from robovast.analysis.provenance.vocabulary import SOFTWARE, path_iri
-from robovast.base.safe_paths import MOST_OF_ALL, read_text
+from robovast.base.safe_paths import MOST_OF_ALL, read_file
 from robovast.campaign.layout import Layout
 
 _STRATEGY = "search/strategy"
@@ -59,8 +59,8 @@ def _scored(score: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _read(layout: Layout, number: int, part: str = "") -> dict[str, Any]:
-    text = read_text(layout.batch(number, part), layout.root, MOST_OF_ALL)
-    found: dict[str, Any] = json.loads(text)
+    content = read_file(layout.batch(number, part), layout.root, MOST_OF_ALL)
+    found: dict[str, Any] = json.loads(content)
     return found
 
 

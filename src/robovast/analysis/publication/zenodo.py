@@ -13,6 +13,7 @@ from robovast.base.atomic import write_atomically
 from robovast.base.environment import environment
 from robovast.base.errors import InputError, StorageError
 from robovast.base.optional_deps import SHARE
+from robovast.base.safe_paths import read_file
 
 if TYPE_CHECKING:
     from robovast.analysis.publication.zenodo_api import Deposit, ZenodoApi
@@ -148,7 +149,7 @@ class _Upload:
 
     def _records(self) -> dict[str, Any]:
         try:
-            records = json.loads(self._record.read_text(encoding="utf-8"))
+            records = json.loads(read_file(self._record))
         except FileNotFoundError:
             return {}
         except (OSError, ValueError) as error:

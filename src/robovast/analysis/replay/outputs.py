@@ -14,7 +14,7 @@ from typing import BinaryIO, TextIO
 
 from robovast.analysis.provenance.reading import list_files
 from robovast.base.optional_deps import ROS
-from robovast.base.safe_paths import MOST, open_file, read_text, refuse_holes
+from robovast.base.safe_paths import MOST, open_file, read_file, refuse_holes
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.layout import OWN_NAMES, POSTPROCESSING
 from robovast.model.document.execution import Output
@@ -84,7 +84,7 @@ def _files(run: Path) -> frozenset[str]:
 def _derived(run: Path) -> Iterator[str]:
     """What postprocessing made of a run, relative to it."""
     try:
-        record = parse_yaml(read_text(run / POSTPROCESSING, run))
+        record = parse_yaml(read_file(run / POSTPROCESSING, run))
     except (OSError, ValueError):
         return
     entries = record.get("entries") if isinstance(record, dict) else None

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import read_content
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -41,7 +42,7 @@ def _work(folder: Path, request: dict[str, Any]) -> str:
     from robovast.evaluation.notebooks.data_dir import read_notebook
     from robovast.evaluation.notebooks.document import html_of
 
-    content = Path(request["notebook"]).read_bytes()
+    content = read_content(Path(request["notebook"]))
     notebook = read_notebook(content, Path(request["data_dir"]), request["batch"])
     fault = execute(notebook, Path(request["notebook"]).parent, request["timeout"])
     html = html_of(notebook).encode("utf-8", "replace")

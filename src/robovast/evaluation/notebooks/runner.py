@@ -17,11 +17,11 @@ from threading import Lock
 from robovast.analysis.postprocessing.content import scan, signature
 from robovast.base.atomic import appearing_file
 from robovast.base.errors import CannotRunError, InputError, StorageError
-from robovast.base.file_errors import reading
+from robovast.base.file_errors import read_content, reading
 from robovast.base.optional_deps import NOTEBOOKS
-from robovast.base.safe_paths import read_file
+from robovast.base.safe_paths import read_end, read_file
 from robovast.campaign.layout import POSTPROCESSING, RUNNING
-from robovast.evaluation.inside import open_inside, read_small
+from robovast.evaluation.inside import read_small
 from robovast.evaluation.notebooks.workloads import Notebook, Target
 from robovast.evaluation.untrusted import mapping, parse_json
 from robovast.execution.local.process_environment import cache_folder
@@ -130,8 +130,7 @@ class Runner:
         Raises:
             InputError: there is no result.
         """
-        with open_inside(self._cache.resolve(), f"{_checked(key)}/output.html") as file:
-            return file.read()
+        return read_content(self._cache / _checked(key) / "output.html")
 
     def execute(self, task: Task, again: bool = False) -> Future[Result]:
         """Queue a task. Repeated requests share one execution unless it failed.
@@ -207,7 +206,7 @@ class Runner:
         if self._closed:
             raise CannotRunError("The server ended while the notebook was executed.")
         if not (folder / "result.json").is_file():
-            said = log.read_bytes()[-2000:].decode(errors="replace").strip()
+            said = read_end(log, folder, 2000)[0].decode(errors="replace").strip()
             raise CannotRunError(f"The notebook was not executed to its end. {said}")
 
     def _keep(self, key: str, folder: Path) -> None:

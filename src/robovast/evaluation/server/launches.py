@@ -14,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from robovast.base.errors import CannotRunError, InputError
+from robovast.base.file_errors import read_content
 from robovast.evaluation.columns import columns
 from robovast.evaluation.launch.commands import (
     expansion_words,
@@ -158,8 +159,8 @@ class LaunchPages:
 def _runs(document: Path) -> int:
     """Runs of each configuration according to a document, at most, if it is valid."""
     try:
-        data = mapping(parse_yaml(document.read_bytes()))
-    except OSError:
+        data = mapping(parse_yaml(read_content(document)))
+    except InputError:
         return 1
     runs = mapping(data.get("execution")).get("runs")
     if isinstance(runs, Mapping):

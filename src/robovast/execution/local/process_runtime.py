@@ -10,6 +10,7 @@ import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from robovast.base.file_errors import read_content
 from robovast.base.serialization import fingerprint
 from robovast.execution.compat import check_compat
 from robovast.execution.contract import CONFIG, OUT
@@ -167,7 +168,7 @@ def _localize_scenario(spec: StartSpec) -> None:
     """Replace `/config` and `/out` in a scenario by the actual paths."""
     scenario = spec.config / spec.environment["SCENARIO_FILE"]
     folders = {"config": str(spec.config), "out": str(spec.out)}
-    text = scenario.read_text(encoding="utf-8", errors="surrogateescape")
+    text = read_content(scenario).decode("utf-8", "surrogateescape")
     changed = _MOUNTS.sub(lambda match: folders[match[1]], text)
     if changed != text:
         scenario.unlink()  # other jobs share the linked file

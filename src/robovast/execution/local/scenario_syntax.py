@@ -11,6 +11,7 @@ from typing import Any
 
 from robovast.base.errors import DocumentError, Place, Problem, StorageError
 from robovast.base.file_cache import ContentCache
+from robovast.base.file_errors import read_text
 from robovast.execution.local.process_environment import existing_environment
 
 _SCRIPT = Path(__file__).with_name("parse_scenario.py")
@@ -72,7 +73,7 @@ def _parses(python: Path, scenario: Path) -> bool:
 
 
 def _problem(scenario: Path, line: int, column: int, found: str | None) -> Problem:
-    text = scenario.read_text(encoding="utf-8").splitlines()[line - 1 : line]
+    text = read_text(scenario).splitlines()[line - 1 : line]
     remedy = f"The line is: `{text[0].strip()}`" if text and text[0].strip() else ""
     return Problem(Place(scenario, line, column), "", _meaning(found), remedy)
 

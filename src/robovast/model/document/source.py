@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from robovast.base.errors import DocumentError, InputError, Place, Problem
+from robovast.base.errors import DocumentError, Place, Problem
 from robovast.base.file_errors import read_text
 from robovast.base.yaml_files import YamlLoader, compose_yaml
 
@@ -149,8 +149,6 @@ class Source:
             InputError: the file is missing, unreadable or not UTF-8.
             DocumentError: it is not YAML, repeats a key, or its aliases repeat too many values.
         """
-        if file.is_char_device() or file.is_block_device():
-            raise InputError(f"{file}: is a device, and no .vast file.")
         return cls(file, read_text(file))
 
     def place(self, path: KeyPath, *, key: bool = False) -> Place:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from robovast.navigation.floorplan.source import read_text
+from robovast.base.file_errors import read_text
 
 _LINE = re.compile(
     r"^//\s*(?P<key>creator|contributor|license|description|modified)\s*:\s*(?P<value>.+?)\s*$",

@@ -11,8 +11,8 @@ from textx import metamodel_from_file
 from textx.exceptions import TextXSyntaxError
 
 from robovast.base.errors import DocumentError, Place, Problem
+from robovast.base.file_errors import read_text
 from robovast.navigation.floorplan.mistakes import said_of
-from robovast.navigation.floorplan.source import read_text
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 1.0}
 """Factors to metres and radians."""

@@ -18,6 +18,7 @@ from typing import IO, Any, ClassVar
 from urllib.parse import quote, urlencode, urlsplit
 
 from robovast.base.errors import InputError, StorageError
+from robovast.base.file_errors import read_text
 from robovast.base.optional_deps import SHARE
 from robovast.storage.http_client import HttpClient
 from robovast.storage.http_download import download
@@ -307,10 +308,10 @@ def _key() -> dict[str, Any] | None:
     if not text and not path:
         return None
     try:
-        key = json.loads(text or Path(str(path)).expanduser().read_text(encoding="utf-8"))
+        key = json.loads(text or read_text(Path(str(path)).expanduser()))
         return {name: key[name] for name in ("client_email", "private_key", "token_uri")}
-    except OSError as error:
-        raise InputError(f"{KEY_FILE}: {path} cannot be read: {error.strerror}.") from None
+    except InputError as error:
+        raise InputError(f"{KEY_FILE}: {error}") from None
     except (ValueError, KeyError, TypeError):
         raise InputError(
             f"{KEY_JSON if text else KEY_FILE} holds no key of a service account: it is a JSON "

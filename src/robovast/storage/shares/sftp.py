@@ -16,7 +16,7 @@ from paramiko import PKey, SFTPClient, SFTPFile, SSHClient
 
 from robovast.base.backoff import TRANSFERRING, Pauses
 from robovast.base.errors import InputError, StorageError
-from robovast.base.file_errors import writing
+from robovast.base.file_errors import read_text, writing
 from robovast.storage.shares.base import (
     INSECURE_SSL,
     BaseShareProvider,
@@ -68,7 +68,7 @@ class SftpShareProvider(BaseShareProvider):
         names = (HOST, PORT, USER, PASSWORD, KEY_PEM, REMOTE_DIR, HOST_KEY, INSECURE_SSL)
         env = {name: os.environ[name] for name in names if name in os.environ}
         if KEY_FILE in os.environ and KEY_PEM not in env:
-            env[KEY_PEM] = _key_file().read_text(encoding="utf-8")
+            env[KEY_PEM] = read_text(_key_file())
         known = _known_host_key()
         return {**env, **({HOST_KEY: known} if known else {})}
 

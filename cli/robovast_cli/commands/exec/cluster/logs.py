@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from itertools import islice
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import LARGEST
+from robovast.base.safe_paths import read_end
 from robovast.campaign.job_log import has_parts, log_path, part_of
 from robovast.campaign.run_record import RunRecord
 from robovast.kubeapi.pod_contract.pack_request import RUN
@@ -185,7 +187,7 @@ class RunLog:
     def _show_stored(self, record: RunRecord) -> None:
         path = log_path(self._how.secondary)
         with self._runs.stored_log(record.job, path) as file:
-            text = file.read_text(encoding="utf-8", errors="replace")
+            text = read_end(file, file.parent, LARGEST)[0].decode("utf-8", "replace")
         lines = text.removesuffix("\n").split("\n")
         part = list(part_of(lines, self._run))
         runs = 1 if part else self._runs.runs_of_job(record.job)
