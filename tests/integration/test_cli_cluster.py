@@ -30,6 +30,7 @@ from support.servers.shares import PASSWORD, USER, webdav_server
 
 from robovast.base import atomic
 from robovast.base.errors import InputError
+from robovast.campaign.imported import is_imported
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.source_files import inline_files
@@ -1002,6 +1003,7 @@ def test_results_come_home_with_the_keys_of_the_clusters_secret(
     assert (outcome.code, outcome.err) == (0, "")
     assert outcome.out.startswith(f"home/{stored.name}-2026: 1 runs, ")
     assert (tmp_path / f"home/{stored.name}-2026/sweep-1-1/0/test.xml").is_file()
+    assert is_imported(tmp_path / f"home/{stored.name}-2026")
     assert "(1 were here)" in vast("download", "-o", "home", group=("results",)).out
 
 

@@ -13,6 +13,7 @@ from robovast_testbed.s3 import Server
 from support.faults.small_disk import small_disk
 
 from robovast.base.errors import StorageError
+from robovast.campaign.imported import MARK, is_imported
 from robovast.execution.cluster_config.base import BaseConfig
 from robovast.storage.bucket_names import bucket_name
 from robovast.storage.download import DownloadResult, download_campaign
@@ -132,12 +133,13 @@ def test_after_an_interruption_only_the_rest_is_fetched(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        download_campaign(store, bucket, tmp_path, Impatient())
+        download_campaign(store, bucket, tmp_path, Impatient(), imported=True)
     assert not (tmp_path / "hall").exists()
+    assert is_imported(tmp_path)
     put_run(store, bucket, "hall/0", a=b"a" * 10, b=b"b" * 20)
     result, _ = fetch(store, bucket, tmp_path)
     assert result.fetched == 1
-    assert set(tree(tmp_path)) == {"hall/0/a", "hall/0/b", "hall/0/run.json"}
+    assert set(tree(tmp_path)) == {MARK, "hall/0/a", "hall/0/b", "hall/0/run.json"}
 
 
 def test_a_full_disk_is_named_and_what_was_fetched_stays(

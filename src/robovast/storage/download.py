@@ -28,6 +28,7 @@ from robovast.base.errors import RobovastError, StorageError
 from robovast.base.file_errors import cause
 from robovast.base.locks import exclusive_folder
 from robovast.base.safe_paths import read_file
+from robovast.campaign.imported import mark_imported
 from robovast.campaign.layout import (
     EXECUTION_RECORD,
     JOB_LINK,
@@ -114,6 +115,7 @@ def download_campaign(
     force: bool = False,
     run: str | None = None,
     below: Sequence[str] = ("",),
+    imported: bool = False,
 ) -> DownloadResult:
     """Download the stored part of a campaign to its folder.
 
@@ -128,6 +130,7 @@ def download_campaign(
         force: download everything, including existing files.
         run: download only this run, `<variant>/<number>`, and what a replay needs beside it.
         below: download only what is below one of these prefixes.
+        imported: mark the campaign as imported: every holder of the storage keys can write to it.
 
     Raises:
         OtherOwnerError: the folder belongs to another campaign.
@@ -137,6 +140,8 @@ def download_campaign(
     refusal = f"{campaign}: another download is writing to it. Wait until it ends."
     with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
+        if imported:
+            mark_imported(campaign)
         found = chain.from_iterable(store.objects(bucket, prefix) for prefix in below)
         objects = (item for item in found if run is None or _is_needed(item.key, run))
         plan = plan_download(objects, campaign, force=force)

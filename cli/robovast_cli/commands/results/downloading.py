@@ -149,7 +149,9 @@ def download_results(
             say(f"{results.name} is another campaign's folder here; this one is {folder.name}.")
         with Bars() as bars:
             view = _Shown(bars, folder.name)
-            result = download_campaign(store, results.bucket, folder, view, force=force, run=run)
+            result = download_campaign(
+                store, results.bucket, folder, view, force=force, run=run, imported=True
+            )
     for line in _summary(result):
         say(line)
     if results.campaign is not None and results.campaign.status.decisions:
