@@ -22,4 +22,11 @@ def test_tables_that_could_not_be_written_are_not_up_to_date(
     failure = Failure("hall", "postprocess", "", "cannot write: the disk is full.")
     failed = CampaignSummary(Path("hall"), runs=6, failures=[failure])
     assert line(failed, capsys) == "hall: 6 runs, 1 failed"
-    assert "tables and metadata are up to date" in line(CampaignSummary(Path("hall"), 6), capsys)
+    document = Path("hall/_config/a.vast")
+    for summary, why in (
+        (CampaignSummary(Path("hall"), document, 6), "its .vast file has no command"),
+        (CampaignSummary(Path("hall"), runs=6), "the campaign has no .vast file, so no command"),
+    ):
+        assert f"6 runs, tables and metadata are up to date; {why} to execute" in line(
+            summary, capsys
+        )

@@ -97,9 +97,8 @@ def _outcome(summary: CampaignSummary) -> str:
     if not summary.commands and summary.failures:
         text = runs
     elif not summary.commands:
-        text = (
-            f"{runs}, tables and metadata are up to date; its .vast file has no command to execute"
-        )
+        why = "its .vast file has" if summary.document else "the campaign has no .vast file, so"
+        text = f"{runs}, tables and metadata are up to date; {why} no command to execute"
     elif not summary.worked:
         text = f"{runs}, nothing changed"
     else:

@@ -54,6 +54,8 @@ class CampaignSummary:
     """Result of postprocessing one campaign."""
 
     campaign: Path
+    document: Path | None = None
+    """The .vast file with the commands, if there is one."""
     runs: int = 0
     worked: set[str] = field(default_factory=set)
     """Number of runs that were processed."""

@@ -76,7 +76,7 @@ def _postprocess(
     campaign: Path, options: Options, observer: Observer, summary: CampaignSummary
 ) -> None:
     layout = Layout(campaign)
-    document = options.override or _document(layout, observer)
+    document = summary.document = options.override or _document(layout)
     survey = Survey(campaign, document)
     runs = survey.runs()
     asked = read_calls(document) if document else []
@@ -139,14 +139,11 @@ def _work(
         finish(survey, state, units, options, observer, summary)
 
 
-def _document(layout: Layout, observer: Observer) -> Path | None:
+def _document(layout: Layout) -> Path | None:
     """The campaign's .vast file; None if it has none, for example after an early abort."""
     found = sorted(layout.config.glob("*.vast"))
-    if not found:
-        observer.message(f"{layout.root.name} holds no .vast file, so it has no commands.")
-        return None
-    if len(found) == 1:
-        return found[0]
+    if len(found) < 2:
+        return next(iter(found), None)
     named = document_path(layout, read_configurations(layout))
     if named in found:
         return named
