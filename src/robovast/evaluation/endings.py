@@ -112,8 +112,6 @@ def _marks(results: Path, campaign: str, variant: VariantRuns, driven: Way | Non
     ends = [last_position(results, f"{place}/{run.number}") for run in bad[:_MOST_RUNS]]
     found: list[Mark] = []
     if driven is not None:
-        found = [
-            Line(driven.places, _WAY),
-            Line(driven.places[driven.last :], _END, _BOLD),
-        ]
+        found = [Line(places, _WAY) for places in driven.episodes]
+        found.append(Line(driven.episodes[-1][driven.last :], _END, _BOLD))
     return [*found, *(Disc(end, _CROSS, _END, "×") for end in ends if end is not None)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -31,10 +31,10 @@ Place = tuple[float, float]
 class Way:
     """Where a robot drove."""
 
-    places: list[Place]
-    """[m]"""
+    episodes: list[list[Place]]
+    """[m]; a simulation reset, after which time jumps back, begins an episode."""
     last: int
-    """Index of the first place of the last seconds."""
+    """Index of the first place of the last seconds in the last episode."""
 
 
 def last_position(results: Path, run: str) -> Place | None:
@@ -43,19 +43,38 @@ def last_position(results: Path, run: str) -> Place | None:
 
 
 def rough_way(results: Path, run: str, count: int) -> list[Place]:
-    """At most so many places of a run, its last one included; empty if that is not known.
+    """At most so many places of a run's last episode, its last place included; empty if unknown.
 
-    Of a large table little is read, so that many runs are told at once.
+    Of a large table only a part is read, so that many runs can be shown at once.
     """
     try:
         with open_inside(results, f"{run}/{POSES}") as file:
             head = file.readline(_END).decode("utf-8", "replace")
-            rows = _some_rows(file, count)
-        table = list(csv.DictReader([head, *rows]))
-        places = [_place(row) for row in table if row.get("frame") == table[-1].get("frame")]
+            lines = _some_rows(file, count)
+        table = list(csv.DictReader([head, *lines]))
+        rows = [row for row in table if row.get("frame") == table[-1].get("frame")]
+        places = [(_time(row), place) for row in rows if (place := _place(row))]
     except (InputError, csv.Error):
         return []
-    return [place for place in places if place] if places and places[-1] else []
+    return [place for _, place in _episodes(places)[-1]] if places and _place(rows[-1]) else []
+
+
+def _episodes(rows: Iterable[tuple[float, Place]]) -> list[list[tuple[float, Place]]]:
+    """Times and places, divided where time jumps back."""
+    found: list[list[tuple[float, Place]]] = []
+    for row in rows:
+        if not found or row[0] < found[-1][-1][0]:
+            found.append([])
+        found[-1].append(row)
+    return found
+
+
+def _time(row: Mapping[str, str | None]) -> float:
+    """The time in a row of a table of poses [s]; NaN if it is invalid or missing."""
+    try:
+        return float(row["timestamp"] or "nan")
+    except (KeyError, ValueError):
+        return math.nan
 
 
 def _some_rows(file: BinaryIO, count: int) -> list[str]:
@@ -95,11 +114,12 @@ def way(results: Path, run: str) -> Way | None:
         table = read_table(results, f"{run}/{POSES}", wanted)
     except InputError:
         return None
-    rows = [(time, (x, y)) for time, x, y in _rows_of_one_frame(table)]
-    if not rows:
+    episodes = _episodes((time, (x, y)) for time, x, y in _rows_of_one_frame(table))
+    if not episodes:
         return None
-    since = rows[-1][0] - LAST_SECONDS
-    return Way([place for _, place in rows], sum(time < since for time, _ in rows))
+    since = episodes[-1][-1][0] - LAST_SECONDS
+    last = sum(time < since for time, _ in episodes[-1])
+    return Way([[place for _, place in episode] for episode in episodes], last)
 
 
 def _rows_of_one_frame(table: Table) -> list[tuple[float, float, float]]:

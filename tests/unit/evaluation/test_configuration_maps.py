@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.campaigns.stored import NAME, add_map, write, write_campaign
 
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.drive.maps import configuration_maps, failure_places
 from robovast.evaluation.map_picture import map_records
+from robovast.evaluation.poses import rough_way, way
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 
 HEAD = "frame,timestamp,position.x,position.y,position.z\n"
@@ -40,6 +44,21 @@ def test_every_configuration_has_its_map_and_the_ways_of_its_runs(root: Path) ->
     assert way == sorted(way) == [(x, -x) for x, _ in way]
     assert found.configurations[1].planned.goals
     assert (found.grounds[0].columns, found.grounds[0].rows) == (40, 30)
+
+
+@given(st.lists(st.integers(2, 12), min_size=1, max_size=4))
+def test_no_line_leads_from_one_episode_to_the_next(lengths: list[int]) -> None:
+    """A simulation reset takes time back to 0 and the robot to another place."""
+    places = [[(float(t), float(number)) for t in range(n)] for number, n in enumerate(lengths)]
+    rows = [f"base_link,{x:g},{x},{y},0\n" for part in places for x, y in part]
+    with TemporaryDirectory() as name:
+        results = Path(name).resolve()
+        write(results / "run" / "poses.csv", HEAD + "".join(rows))
+        driven = way(results, "run")
+        assert driven is not None
+        assert driven.episodes == places
+        assert driven.last == max(0, lengths[-1] - 1 - 5)
+        assert rough_way(results, "run", 60) == places[-1]
 
 
 def test_of_a_large_table_few_rows_are_read(root: Path) -> None:

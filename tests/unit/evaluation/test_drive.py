@@ -30,6 +30,7 @@ from robovast.evaluation.drive.drives import Drive, Drives
 from robovast.evaluation.drive.part import Part
 from robovast.evaluation.drive.picture_size import size_of
 from robovast.evaluation.drive.recording import Message, Recording
+from robovast.evaluation.drive.roles import ODOMETRY, TRANSFORMS, cast
 
 SECOND = 1_000_000_000
 
@@ -44,6 +45,28 @@ def parts_of(drive: Drive, scans: bool = True) -> list[Part]:
 
 def remarks_of(drive: Drive) -> str:
     return " ".join([*drive.overview().remarks, *(r for p in parts_of(drive) for r in p.remarks)])
+
+
+@pytest.mark.parametrize(
+    ("recorded", "pose", "expected"),
+    [
+        ("/tf /tf_static", "", "/tf"),
+        ("/robot1/tf /robot1/tf_static", "", "/robot1/tf"),
+        ("/robot1/tf_static", "", "/robot1/tf"),
+        ("/robot1/tf /robot2/tf", "/robot2/odom", "/robot2/tf"),
+        ("/robot1/tf /robot2/tf /tf", "/odom", "/tf"),
+        ("/robot1/tf /tf", "/robot1/odom", "/robot1/tf"),
+        ("/robot1/tf /truth", "/truth", "/truth"),
+        ("", "/odom", "/tf"),
+    ],
+)
+def test_transforms_are_those_of_the_namespace_of_the_pose(
+    recorded: str, pose: str, expected: str
+) -> None:
+    types = {**({pose: ODOMETRY} if pose else {}), **dict.fromkeys(recorded.split(), TRANSFORMS)}
+    found = cast(types, {"pose": pose} if pose else {})
+    assert found.transforms == expected
+    assert not found.topics.get("pose", "").endswith("_static")
 
 
 KINDS = pytest.mark.parametrize(

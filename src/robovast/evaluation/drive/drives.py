@@ -63,9 +63,11 @@ class Drive:
         self._cast = cast(types, named)
         clock = _clock_of(recording, self._cast.topics.get("pose"))
         fixed: Iterable[Message] = ()
-        if types.get(FIXED) == TRANSFORMS:
-            fixed = recording.read([FIXED], recording.start, recording.end + 1)
-        self._source = Source(recording, clock, self._cast.topics, list(islice(fixed, _MOST_FIXED)))
+        transforms = self._cast.transforms
+        if types.get(transforms + FIXED) == TRANSFORMS:
+            fixed = recording.read([transforms + FIXED], recording.start, recording.end + 1)
+        kept = list(islice(fixed, _MOST_FIXED))
+        self._source = Source(recording, clock, self._cast.topics, transforms, kept)
         self._bounds = _bounds(clock.end, recording.size(self._cast.topics.values()))
 
     def overview(self) -> Overview:

@@ -83,7 +83,7 @@ class Frames:
         """Add messages with transforms."""
         for message in messages:
             try:
-                self.transforms.add(message.data, message.topic == FIXED, message.time)
+                self.transforms.add(message.data, message.topic.endswith(FIXED), message.time)
             except UNDECODABLE:
                 self.damaged += 1
 

@@ -22,7 +22,7 @@ from robovast.evaluation.drive.motion import (
     track_of_frames,
 )
 from robovast.evaluation.drive.recording import Message, Recording
-from robovast.evaluation.drive.roles import MOVING, TRANSFORMS
+from robovast.evaluation.drive.roles import TRANSFORMS
 
 _RATES = {"pose": 30.0, "scan": 12.0, "plan": 2.0, "footprint": 2.0}
 """How often something is shown, at most [1/s]."""
@@ -60,6 +60,8 @@ class Source:
     clock: Clock
     topics: Mapping[str, str]
     """Topics by role"""
+    transforms: str
+    """Topic of the transforms"""
     fixed: list[Message]
     """Transforms that hold all the time."""
 
@@ -97,13 +99,13 @@ class PartReader:
         left_out = {"map", "camera"} if scans else {"map", "camera", "scan"}
         roles = {topic: key for key, topic in self._source.topics.items() if key not in left_out}
         wanted = set(roles)
-        if self._source.has_transforms(MOVING):
-            wanted.add(MOVING)
+        if self._source.has_transforms(self._source.transforms):
+            wanted.add(self._source.transforms)
         self._messages = {topic: [] for topic in wanted}
         last = dict.fromkeys(wanted, -math.inf)
         for message in self._recording.read(wanted, self._start, self._end + _AHEAD):
             topic = message.topic
-            if topic != MOVING:
+            if topic != self._source.transforms:
                 if message.time >= self._end:
                     continue
                 if rate := _RATES.get(roles[topic]):
@@ -118,14 +120,15 @@ class PartReader:
 
     def _frames(self) -> Frames:
         frames = Frames()
+        topic = self._source.transforms
         frames.add(self._source.fixed)
-        if MOVING in self._messages:
-            frames.add(self._recording.before(MOVING, self._start))
-            frames.add(self._messages[MOVING])
-        self._damaged(MOVING, frames.damaged)
+        if topic in self._messages:
+            frames.add(self._recording.before(topic, self._start))
+            frames.add(self._messages[topic])
+        self._damaged(topic, frames.damaged)
         if (episodes := len(frames.transforms.trees)) > 1:
             self._part.remarks.append(
-                f"The stamps on {MOVING} jump back here, as after a simulation reset: this part "
+                f"The stamps on {topic} jump back here, as after a simulation reset: this part "
                 f"has {episodes} episodes."
             )
         return frames

@@ -19,7 +19,9 @@ PICTURE = "sensor_msgs/msg/CompressedImage"
 LOG = "rcl_interfaces/msg/Log"
 TREE_LOG = "nav2_msgs/msg/BehaviorTreeLog"
 
-MOVING, FIXED = "/tf", "/tf_static"
+MOVING = "/tf"
+FIXED = "_static"
+"""End of the name of a topic with fixed transforms."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,8 @@ class Cast:
     """Topics by role."""
 
     topics: dict[str, str] = field(default_factory=dict)
+    transforms: str = MOVING
+    """Topic of the transforms; fixed ones are on a topic of this name with `_static`."""
     missing: list[str] = field(default_factory=list)
     """What was named and cannot be shown, and what a drive is nothing without."""
 
@@ -97,14 +101,27 @@ def cast(types: Mapping[str, str], named: Mapping[str, str]) -> Cast:
             usual = next((name for name in role.names if name in types and name != MOVING), None)
             other = usual and _fault(key, role, usual, types)
             found.missing.append(other or _unknown(role, types))
+    found.transforms = _transforms(types, found.topics.get("pose", ""))
     return found
+
+
+def _transforms(types: Mapping[str, str], pose: str) -> str:
+    """The topic of the transforms: of the namespaces with one, the longest that has the pose."""
+    if types.get(pose) == TRANSFORMS:
+        return pose
+    every = {name.removesuffix(FIXED) for name in types if types[name] == TRANSFORMS}
+    spaces = {name.removesuffix("tf") for name in every if name.endswith(MOVING)}
+    fitting = sorted(
+        spaces, key=lambda space: (-len(space) if pose.startswith(space) else 0, space)
+    )
+    return f"{fitting[0]}tf" if fitting else MOVING
 
 
 def _guess(role: Role, types: Mapping[str, str]) -> str | None:
     usual = [name for name in role.names if types.get(name) in role.types]
     if usual or role.only_named:
         return next(iter(usual), None)
-    fitting = [name for name in types if types[name] in role.types and name != FIXED]
+    fitting = [name for name in types if types[name] in role.types and not name.endswith(FIXED)]
     return min(fitting, key=lambda name: (role.types.index(types[name]), name), default=None)
 
 
