@@ -96,7 +96,7 @@ def read_content(path: Path, most: int = LARGEST) -> bytes:
     """
     try:
         with reading(path):
-            return read_file(path.resolve(), most=most)
+            return read_file(Path(os.path.realpath(path)), most=most)
     except ValueError:  # a NUL, or half of a surrogate pair
         raise InputError(f"no file can be called {str(path)!r}") from None
 

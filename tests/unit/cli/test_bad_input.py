@@ -275,7 +275,11 @@ BAD = [
         "loop: cannot be read: a link in its path leads back to",
     ),
     (["-V", "file/x", "config", "check"], 2, "cannot be read: a part of its path is not a folder."),
-    (["-V", "/dev/zero", "config", "check"], 2, "/dev/zero: is a device, and no .vast file."),
+    (
+        ["-V", "/dev/zero", "config", "check"],
+        2,
+        "/dev/zero: cannot be read: is not a regular file.",
+    ),
     (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
     (["results", "postprocess", "-r", "file"], 2, "file is a file; name a results folder"),
     (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),

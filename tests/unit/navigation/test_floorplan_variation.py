@@ -165,7 +165,7 @@ def test_a_plan_that_is_not_sound_is_drawn_again(expanded, plans: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ('"room.fpm"', '"none.fpm"', "there is no file"),
+        ('"room.fpm"', '"none.fpm"', "there is no such file"),
         (
             "hall: {",
             "hell: {",
@@ -191,7 +191,7 @@ def test_errors_in_variation_files(expanded, plans: Path, old, new, reason: str)
 @pytest.mark.parametrize(
     ("files", "reason"),
     [
-        (["plans/none.fpm"], "there is no file"),
+        (["plans/none.fpm"], "there is no such file"),
         (["plans/bad.fpm"], r"bad.fpm:7:32: configuration `hall`: FloorplanGeneration: the width"),
         (["plans/room.fpm", "plans/../plans/room.fpm"], "have one name"),
     ],

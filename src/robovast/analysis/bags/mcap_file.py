@@ -110,9 +110,9 @@ class McapFile:
         self._open, self._types, self._bound = open_file, types, bound
         self._schemas: dict[int, Definition] = {}
         self._channels: dict[int, tuple[int, str, str]] = {}
-        self._base = self._stated = self._part = 0
+        self._base = self._stated = self._part = self._foreign = 0
         """Added to the channels of a recording; number of messages by the summaries; where an
-        appended recording begins."""
+        appended recording begins; where the first record of an application is."""
         with open_file() as file:
             magic = file.read(len(MAGIC))
             if magic != MAGIC:
@@ -240,6 +240,8 @@ class McapFile:
             self._fault(f"has another recording appended at byte {place}, which is also read")
         elif _PRIVATE <= opcode < _APPLICATION:
             self._fault(f"has a record of the unknown kind {opcode} at byte {place}")
+        elif opcode >= _APPLICATION and after - place >= _HEAD.size:
+            self._foreign = self._foreign or place
 
     def _index(self, chunk: Block, head: bytes, place: int, after: int) -> None:
         """Add the index of a channel's messages to the chunk in front of it."""
@@ -258,13 +260,21 @@ class McapFile:
             chunk.start = min(chunk.start, first)
 
     def _compare(self) -> None:
-        """Compare what was found with the summary at the end of the file."""
+        """Compare what was found with the summary at the end of the file.
+
+        Without a summary, a record of an application may be a damaged message or chunk.
+        """
         chunks = sum(block.chunk for block in self.blocks)
         count = sum(block.count for block in self.blocks)
         if self.complete and count < self._stated:
             self._fault(f"has {count} of the {self._stated} messages in its summary")
         if self.complete and chunks < self.indexed_chunks:
             self._fault(f"has {chunks} of the {self.indexed_chunks} chunks in its index")
+        if self._foreign and not self._stated and not self.indexed_chunks:
+            self._fault(
+                f"has no summary, and from byte {self._foreign} on records of an application, "
+                "which are not read"
+            )
 
     def _complete(self, file: BinaryIO) -> None:
         """Read the channels and correct the times of chunks from their content."""

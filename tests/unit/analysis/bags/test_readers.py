@@ -140,6 +140,23 @@ def test_damage_costs_what_is_damaged_and_nothing_is_invented(
     assert time.monotonic() - begin < 20
 
 
+@pytest.mark.parametrize("has_summary", [True, False])
+def test_a_chunk_whose_opcode_became_one_of_an_application_is_not_lost_silently(
+    tmp_path: Path, has_summary: bool
+) -> None:
+    path = tmp_path / "bag" / "0.mcap"
+    write_mcap(path, list(range(100)), compression=CompressionType.ZSTD)
+    content = bytearray(path.read_bytes())
+    found = list(records(bytes(content)))
+    content[[place for place, kind in found if kind == 6][3]] |= 0x80
+    end = next(place for place, kind in found if kind == 15)
+    path.write_bytes(content if has_summary else content[:end])
+    messages, warnings = converted(path.parent)
+    assert 0 < len(messages) < 100
+    wanted = "of the 100 messages in its summary" if has_summary else "records of an application"
+    assert any(wanted in text for text in warnings)
+
+
 def test_a_file_without_summary_continues_after_a_damaged_record(tmp_path: Path) -> None:
     path = tmp_path / "bag" / "0.mcap"
     write_mcap(path, list(range(100)), compression=CompressionType.ZSTD)
