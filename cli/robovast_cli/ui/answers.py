@@ -40,13 +40,13 @@ def print_answer(query: str, campaigns: Sequence[Path], output: Format) -> None:
 def _read(query: str) -> str:
     if query in query_names():
         return read_query(query)
-    try:
-        if query == "-":
+    if query == "-":
+        try:
             return sys.stdin.read()
-        path = Path(query)
-        return read_text(path) if path.is_file() else read_query(query)
-    except UnicodeDecodeError:
-        raise InputError(f"{query}: is not text in UTF-8.") from None
+        except UnicodeDecodeError:
+            raise InputError("-: is not text in UTF-8.") from None
+    path = Path(query)
+    return read_text(path) if path.is_file() else read_query(query)
 
 
 def _print_csv(answer: Answer, graphs: Graphs) -> None:

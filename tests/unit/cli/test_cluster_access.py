@@ -145,7 +145,7 @@ def test_a_context_that_is_not_there_is_named(
     [
         (b"a: [", "broken:2:1: not valid YAML: a value or a closing bracket is missing"),
         (b"- 1\n", "broken is no kubeconfig: it holds no mapping"),
-        (b"\xff", "broken is not text in UTF-8"),
+        (b"\xff", "broken: not a text file in UTF-8"),
     ],
 )
 def test_a_broken_kubeconfig_is_named(

@@ -115,7 +115,7 @@ def test_nothing_to_ask_says_what_to_do_once(
     ("query", "cause"),
     [
         ("failure-rat", "Did you mean `failure-rate`?"),
-        ("latin.rq", "latin.rq: is not text in UTF-8."),
+        ("latin.rq", "latin.rq: not a text file in UTF-8"),
         ("broken.rq", "the query is wrong"),
     ],
 )
