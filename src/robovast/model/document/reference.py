@@ -47,6 +47,17 @@ declared. If the scenario file cannot be read, or if it does not declare the typ
 It reads `12:30` as 750 and `no` as false, so put such text into quotes. Also put it into quotes in
 a Campaign that you apply with `kubectl`, because the Kubernetes API stores values without their
 spelling.
+
+Of a scenario file (`.osc`, OpenSCENARIO 2), RoboVAST reads only what it needs for these types:
+
+| part | supported |
+| --- | --- |
+| file | UTF-8, at most 64 MiB |
+| `scenario name:` | each scenario of the file; runs execute the first one |
+| parameters | `name: type = default` at the first level of the body; also `a, b: type`, `list of` |
+| `struct`, also with `inherits` | its fields, if the file also declares the inherited structures |
+| comments, lines that continue in brackets | read as OpenSCENARIO 2 defines them |
+| everything else | skipped; scenario-execution reads it |
 """
 
 _PLUGIN_NOTE = """
