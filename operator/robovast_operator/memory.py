@@ -84,17 +84,17 @@ class Motion:
     progressed: float = field(default_factory=time.monotonic)
     """When an index last ended, or a Job was last created or resumed."""
 
-    def notice(self, jobs: Mapping[str, JobState]) -> tuple[bool, bool]:
-        """Compare the Jobs with those of the last time, and note the time of changes."""
+    def notice(self, jobs: Mapping[str, JobState]) -> bool:
+        """Note the time of changes since the last call; return whether there are any."""
         ends = tuple((j.name, j.completed, j.failed, j.suspended) for j in jobs.values())
         pods = tuple((job.active, job.ready) for job in jobs.values())
         before, self.jobs = self.jobs, (ends, pods)
         if before is None or before == self.jobs:
-            return False, False
+            return False
         self.moved = time.monotonic()
         if before[0] != ends:
             self.progressed = self.moved
-        return True, before[0] != ends
+        return True
 
     def still_for(self) -> float:
         """For how long no Job has changed [s]."""
@@ -150,6 +150,11 @@ class PodsCache:
     stuck: set[str] = field(default_factory=set)
     """Jobs that hold back the deletion of their pods, or whose pods nobody makes."""
     trouble: Trouble | None = None
+    """What is in the way now, until pods are running."""
+    deadly: Trouble | None = None
+    """What pods have failed of, until something succeeds."""
+    successes: Mapping[str, int] = field(default_factory=dict)
+    """By uid of a Job: how many indexes are complete, and how many reports have a verdict."""
     diagnosed: float = -math.inf
     """When a stall was last diagnosed."""
     looked: float = 0.0

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Collection, Mapping
 from dataclasses import replace
 from itertools import chain
 
+from robovast.base.ranges import count
 from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.resources import ROLE_LABEL
 from robovast.model.packing import pace_of
@@ -14,7 +15,7 @@ from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.queues import Queues
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.lenient import mapping, metadata, text
+from robovast_operator.kube.lenient import mapping, metadata, ranges, text
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
@@ -26,7 +27,7 @@ from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.pods.own import OWN
 from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
 from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
-from robovast_operator.pods.stalls import cause_of, may_store, unseen_cause
+from robovast_operator.pods.stalls import RECOVERY, cause_of, may_store, unseen_cause
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.settings import Settings
 
@@ -69,9 +70,15 @@ class Diagnosis:
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
     ) -> PodFindings:
         """What the campaign's pods report; they are read only when that is due."""
-        _forget(known, jobs)
+        moved = known.motion.notice(jobs)
         all_speak = accepted.as_needed
         waits = [await self._reports(known, job, all_speak) for job in jobs.values()]
+        if accepted.spec.suspend or _has_success(known, jobs):
+            known.trouble = known.deadly = None
+        if moved:
+            known.stuck.clear()
+            if any(job.ready for job in jobs.values() if job.open):
+                known.trouble = None
         for job in jobs.values():
             await self._final(known, job)
             if accepted.vast.execution.packs_are_measured:
@@ -88,7 +95,7 @@ class Diagnosis:
             mishaps=list(chain.from_iterable(known.mishaps.values()))[:MISHAPS],
             failures={n: given_up[job.uid] for n, job in jobs.items() if job.uid in given_up},
             stuck=frozenset(known.stuck),
-            trouble=known.trouble,
+            trouble=known.trouble or known.deadly,
             again=min((wait for wait in waits if wait is not None), default=None),
         )
 
@@ -185,7 +192,7 @@ class Diagnosis:
         if job.role in {"shard", "propose"}:
             known.trouble = told
         elif job.role != "process":  # without tables a campaign is complete all the same
-            known.trouble = Trouble(told.reason, told.message)
+            known.deadly = replace(told, final=False)
 
     async def _stalled(
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
@@ -207,10 +214,14 @@ class Diagnosis:
         if wait > 0:
             return wait
         known.diagnosed = time.monotonic()
+        found = None
         for job in waiting:
-            known.trouble = await self._look_at_pods(known, job, at_work=at_work)
-            if known.trouble is not None:
-                break
+            found = found or await self._look_at_pods(known, job, at_work=at_work)
+        known.trouble = found
+        if found and found.deadly:
+            known.deadly = found
+        elif at_work and known.motion.still_for() > RECOVERY.total_seconds():
+            known.deadly = None
         return pause
 
     async def _look_at_pods(
@@ -258,15 +269,16 @@ def _reports(known: PodsCache, jobs: Mapping[str, JobState]) -> dict[str, Mappin
     return {name: {**stored.get(name, {}), **read.get(name, {})} for name in {*stored, *read}}
 
 
-def _forget(known: PodsCache, jobs: Mapping[str, JobState]) -> None:
-    """Clear the trouble of a campaign that makes progress again."""
-    moved, ended = known.motion.notice(jobs)
-    if not moved:
-        return
-    known.stuck.clear()
-    at_work = any(job.ready for job in jobs.values() if job.open)
-    if ended or (at_work and not (known.trouble and known.trouble.repeated)):
-        known.trouble = None
+def _has_success(known: PodsCache, jobs: Mapping[str, JobState]) -> bool:
+    """Whether more indexes are complete, or more reports have verdicts, than at the last call."""
+    before, reports = known.successes, _reports(known, jobs)
+    known.successes = {
+        job.uid: count(ranges(job.completed, job.size))
+        + (job.finished == "Complete")
+        + sum(report.settled > 0 for report in reports.get(name, {}).values())
+        for name, job in jobs.items()
+    }
+    return any(number > before.get(uid, 0) for uid, number in known.successes.items())
 
 
 async def _first(objects: AsyncIterator[Object]) -> AsyncIterator[Object]:

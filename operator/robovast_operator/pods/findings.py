@@ -21,8 +21,8 @@ class Trouble:
     message: str
     final: bool = False
     """Whether it aborts the campaign."""
-    repeated: bool = False
-    """Whether pods start and then die of it, one after the other."""
+    deadly: bool = False
+    """Whether pods have failed of it: only a success shows that it is over, not another pod."""
 
 
 @dataclass(frozen=True)

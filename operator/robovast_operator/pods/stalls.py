@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
+from itertools import chain
 
 from robovast_operator.kube.lenient import mapping, mappings, ranges, text
 from robovast_operator.kube.objects import Object
@@ -49,18 +50,19 @@ def cause_of(
         for pods_of_index in tries
         for cause in next((causes for _, causes in pods_of_index[:2] if causes), [])
     )
-    deaths = [
-        [parse_time(_created(pod)) for pod, causes in pods_of_index if causes and _is_dead(pod)]
+    dead = [
+        [(pod, causes) for pod, causes in pods_of_index if causes and _is_dead(pod)]
         for pods_of_index in tries
     ]
+    deaths = [[parse_time(_created(pod)) for pod, _ in pods_of_index] for pods_of_index in dead]
     number = sum(map(len, deaths))
     repeated = number >= job.active and any(_goes_on(times, moment) for times in deaths)
     if found is None or (at_work and not repeated):
         return None
     if not repeated:
-        return found
+        return replace(found, deadly=any(found in causes for _, causes in chain(*dead)))
     told = f"{number} pods failed without a result. The last cause: {found.message}"
-    return replace(found, message=told, repeated=True)
+    return replace(found, message=told, deadly=True)
 
 
 def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble | None:
@@ -76,16 +78,17 @@ def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble 
     if state.get("status") == "False":
         return Trouble(
             "WorkerLost",
-            f"the worker cluster {worker} does not answer: {text(state.get('message'))}. What its "
-            "pods store counts; when Kueue gives it up, or it is back, what is left goes on.",
+            f"the worker cluster {worker} does not answer: {text(state.get('message'))}. Runs "
+            "that its pods store count. The others continue when it is back, or if Kueue gives it "
+            "up.",
         )
     if job.ready or not worker:
         return None
     selector = f"batch.kubernetes.io/job-name={job.name}"
     return Trouble(
         "OutOfSight",
-        f"no pod of the Job {job.name} is at work in the worker cluster {worker}. Why is to be "
-        f"seen there: `kubectl describe pods -n {job.namespace} -l {selector}`.",
+        f"no pod of the Job {job.name} runs in the worker cluster {worker}. The reason is "
+        f"shown there: `kubectl describe pods -n {job.namespace} -l {selector}`.",
     )
 
 
@@ -127,8 +130,8 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
         node, name = pod["spec"].get("nodeName", "?"), pod["metadata"]["name"]
         yield Trouble(
             "NodeLost",
-            f"the node {node} does not answer, and the pod {name} on it comes to no end: its runs "
-            "cannot be executed elsewhere before. Bring the node back, or remove it for good: "
+            f"the node {node} does not answer, and the pod {name} on it does not end. Until then "
+            "its runs cannot be executed elsewhere. Restore the node, or remove it: "
             f"`kubectl delete node {node}`.",
         )
     elif _is_silent(pod, moment):

@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from support.kube.fake_cluster import SETTINGS, FakeJob, accepted
 
+from robovast.kubeapi.pod_contract.pack_request import INDEX_ANNOTATION
 from robovast_operator.effects.diagnose import STORING, Diagnosis
 from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.queues import Queues
@@ -21,6 +24,7 @@ from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import PodsCache
 from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.own import CONTAINERS_ANNOTATION
 from robovast_operator.pods.pod_status import trouble_of_events, troubles_of
 from robovast_operator.pods.stalls import cause_of, unseen_cause
 from robovast_operator.pods.tries import NO_WORD
@@ -97,6 +101,8 @@ BASH = 'exec: "bash": executable file not found in $PATH: unknown'
 EVICTED = {"reason": "Evicted", "message": "The node was low on resource: memory."}
 NO_ROOM = {"type": "PodScheduled", "status": "False", "message": "0/3 nodes are available"}
 
+MESHED = {"annotations": {INDEX_ANNOTATION: "0", CONTAINERS_ANNOTATION: "robovast agent"}}
+
 CAUSES: dict[str, tuple[str, Any]] = {
     "image cannot be pulled": (
         "ImagePull",
@@ -118,6 +124,13 @@ CAUSES: dict[str, tuple[str, Any]] = {
     "no shell in the image": (
         "Container",
         pod("Failed", compat_version=ended(128, "StartError", "no such file or directory")),
+    ),
+    "container of a mesh": (
+        "ForeignContainer",
+        {
+            **pod("Running", metadata=MESHED, robovast=DONE, agent=DONE, istio_proxy=RUNNING),
+            "spec": {"containers": [{"name": n} for n in ("robovast", "agent", "istio-proxy")]},
+        },
     ),
     "own container out of memory": (
         "OutOfMemory",
@@ -258,7 +271,7 @@ def test_pods_that_die_again_and_again_are_a_stall_though_others_start() -> None
     assert cause(*deaths[:2], at_work=True, ready=1) is None
     found = cause(*deaths, at_work=True, ready=1)
     assert found is not None
-    assert (found.reason, found.repeated) == ("Evicted", True)
+    assert (found.reason, found.deadly) == ("Evicted", True)
     assert found.message.startswith("3 pods failed")
     assert cause(*deaths, at_work=True, active=100, ready=99) is None, "one of a hundred"
     old = [pod("Failed", told=EVICTED, minutes=minutes) for minutes in (60, 50, 40)]
@@ -302,6 +315,7 @@ class Campaign:
         """The time goes by, and then it is looked; returns what is told."""
         self._known.motion.expect_stall(seconds)
         self._known.diagnosed -= seconds
+        self._known.looked -= seconds
         jobs = {"drive-0": job(**status)}
         found = asyncio.run(self._diagnosis.findings(accepted(), self._known, jobs))
         return found.trouble.reason if found.trouble else ""
@@ -379,3 +393,56 @@ def test_deaths_one_after_the_other_are_told_and_stay_told() -> None:
         told += [campaign.pass_by(120, active=1, ready=1), campaign.pass_by(5, active=0)]
     assert told[-12:] == ["Evicted"] * 12
     assert told[:4] == [""] * 4
+
+
+NO_SERVER = {"agent": ended(74, message="no server")}
+STEPS: dict[str, tuple[Any, dict[str, int]]] = {
+    "fails": (("Failed", NO_SERVER), {"active": 0, "ready": 0}),
+    "is gone": (None, {}),
+    "starts": (("Pending", {}), {"active": 1, "ready": 0}),
+    "runs": (("Running", {"robovast": RUNNING, "agent": RUNNING}), {"active": 1, "ready": 1}),
+    "is given up": (None, {}),
+    "is queued again": (None, {}),
+}
+"""What happens to the pod of an index: its phase and containers, and the counts of its Job."""
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    steps=st.lists(
+        st.tuples(st.sampled_from(sorted(STEPS)), st.sampled_from([1, 20, 70])), max_size=25
+    ),
+    verdict=st.booleans(),
+)
+def test_a_stall_lasts_until_something_succeeds(
+    steps: list[tuple[str, float]], *, verdict: bool
+) -> None:
+    """Pods fail, vanish and start in any order; indexes may be given up without a verdict."""
+    first = pod("Failed", agent=ended(74, message="no server at http://s3:9000"), minutes=0)
+    campaign = Campaign(first)
+    assert campaign.pass_by(SETTINGS.stall_seconds) == "Storage"
+    status: dict[str, Any] = {"active": 1}
+    given_up = 0
+    for number, (step, seconds) in enumerate(steps):
+        shown, counts = STEPS[step]
+        status |= counts
+        if step == "is gone":
+            campaign.server.pods = ()
+        elif step == "is given up":
+            given_up += 1
+            status |= {"failed": f"0-{given_up - 1}"}
+        elif step == "is queued again":
+            status |= {"suspended": not status.get("suspended", False)}
+        else:
+            new = pod(shown[0], index=given_up, **shown[1])
+            new["metadata"] |= {"name": f"x{number}", "creationTimestamp": format_time(now())}
+            campaign.server.pods = (*campaign.server.pods, new)
+        assert campaign.pass_by(seconds, **status) == "Storage"
+    if verdict:
+        dead = pod("Failed", index=given_up, minutes=0, agent=ended(10))
+        campaign.server.pods = (dead,)
+        status |= {"failed": f"0-{given_up}"}
+    else:
+        status |= {"completed": "200"}
+    campaign.pass_by(1, active=1, ready=1, **{k: v for k, v in status.items() if "ed" in k})
+    assert campaign.pass_by(11, **{**status, "active": 1, "ready": 1, "suspended": False}) == ""
