@@ -75,7 +75,7 @@ class Operator:
 
     def _metrics_page(self) -> bytes:
         found = self.leadership
-        blocked = bool(found.rival)
+        blocked = bool(found.rival or found.failure)
         return self.metrics.page(self.store, self.queue, leading=found.leading, blocked=blocked)
 
     def healthy(self) -> str:
@@ -86,7 +86,7 @@ class Operator:
     def ready(self) -> str:
         """Why campaigns cannot be reconciled, by any replica; empty if they can."""
         unknown = "" if self._resync.complete.is_set() else "what is there could not be listed yet"
-        return self.healthy() or self.leadership.rival or unknown
+        return self.healthy() or self.leadership.failure or self.leadership.rival or unknown
 
     def campaign_event(self, kind: str | None, obj: Object) -> None:
         """Store a changed Campaign, and schedule its reconcile."""

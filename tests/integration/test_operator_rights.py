@@ -36,8 +36,11 @@ CAMPAIGNS = {
 }
 """Verbs where campaigns are executed."""
 
-LEASES = {("list", "leases.coordination.k8s.io", "robovast-operator")}
-"""In every namespace: Leases of other installations."""
+LEASES = {
+    ("list", "leases.coordination.k8s.io", "robovast-operator"),
+    ("create", "subjectaccessreviews.authorization.k8s.io", ""),
+}
+"""In every namespace: Leases of other installations, and whether their accounts are operators."""
 LEASE = LEASES | {
     ("create", "leases.coordination.k8s.io", ""),
     ("update", "leases.coordination.k8s.io", "robovast-operator"),

@@ -5,6 +5,10 @@ watches. A replica claims the Lease of its installation, then lists the Leases o
 leads if no other installation with a common namespace has a claim. Of two that claim at the same
 time, at least one sees the other; the one whose namespace sorts last withdraws.
 
+Users may write Leases in their own namespaces. So the Lease of another installation counts only if
+the API server confirms that the operator's ServiceAccount in its namespace may write the status of
+Campaigns where both work: users cannot grant that right.
+
 Not `kubernetes.aio.leaderelection`: whoever leads there cannot tell before a write whether it does.
 """
 
@@ -16,6 +20,7 @@ import time
 from collections.abc import Mapping
 from math import inf
 
+from robovast.kubeapi.resources import GROUP
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import LARGEST, mapping, number, text
@@ -47,6 +52,22 @@ _RIVAL = (
     f"remove its Lease: `kubectl delete lease {NAME} -n {{space}}`."
 )
 
+_FORBIDDEN = (
+    "The operator has no permission that it needs to find other operators, and writes nothing: "
+    "{error}. The chart grants it with the ClusterRole robovast-operator-leases-{space} and with "
+    "the Role robovast-operator-lease in the namespace {space}. Restore both with `helm "
+    "upgrade`, or ask your cluster administrator."
+)
+
+ACCOUNT = "robovast-operator"
+"""Name of the operator's ServiceAccount, which the chart sets."""
+
+CONFIRMED_SECONDS = 60.0
+"""How long the answer about an account is believed [s]."""
+
+CONFIRMED = 10_000
+"""Most answers that are kept."""
+
 ATTEMPTS = 15
 """How many attempts are made within the duration while renewing fails."""
 
@@ -64,7 +85,11 @@ class Leadership:
         """By namespace of a Lease: holder and renewal time, and when they were first read."""
         self.rival = ""
         """Why this installation does not work: another one does; empty if none does."""
+        self.failure = ""
+        """Why the Lease cannot be claimed; empty if it can, or while this replica leads."""
         self._leader = ""
+        self._confirmed: dict[tuple[str, str], tuple[bool, float]] = {}
+        """By namespace of an installation and common namespace: the answer, and when it came."""
         self._acquired = asyncio.Event()
 
     @property
@@ -86,6 +111,7 @@ class Leadership:
                 bound = self._settings.lease_seconds / (RENEWALS if self.leading else 2)
                 async with asyncio.timeout(bound):
                     held = await self._renew()
+                self.failure = ""
                 if held:
                     attempts = RENEWALS
                     self._notice(self._settings.identity)
@@ -94,6 +120,7 @@ class Leadership:
                     self._acquired.set()
             except (ApiError, OSError) as error:
                 LOGGER.warning("the Lease cannot be renewed: %s", error)
+                self.failure = "" if self.leading else self._explain(error)
             await asyncio.sleep(self._settings.lease_seconds / attempts)
 
     async def release(self) -> None:
@@ -123,7 +150,7 @@ class Leadership:
             self._notice(str(mapping(own.get("spec")).get("holderIdentity")))
             self._report_rival(None)
             return False
-        rival = None if self.leading else self._find_rival(leases)
+        rival = None if self.leading else await self._find_rival(leases)
         if rival is not None and not (
             self._is_mine(own) and self._settings.lease_namespace < rival
         ):
@@ -135,7 +162,7 @@ class Leadership:
         if not self.leading:
             leases = await self._leases()
             leases.pop(self._settings.lease_namespace, None)
-            rival = self._find_rival(leases)
+            rival = await self._find_rival(leases)
         self._report_rival(rival)
         return rival is None
 
@@ -193,15 +220,55 @@ class Leadership:
         released = terms == 1 and not read[0]
         return released or time.monotonic() - since > terms * duration
 
-    def _find_rival(self, leases: Mapping[str, Object]) -> str | None:
+    async def _find_rival(self, leases: Mapping[str, Object]) -> str | None:
         """The namespace of another installation that works where this one is to work."""
         alive = [s for s, lease in leases.items() if not self._expired(lease, RIVAL_TERMS)]
-        return next((s for s in sorted(alive) if self._overlaps(leases[s])), None)
+        for space in sorted(alive):
+            common = self._common(leases[space])
+            if common is not None and await self._is_operator(space, common):
+                return space
+        return None
 
-    def _overlaps(self, lease: Object) -> bool:
+    def _common(self, lease: Object) -> str | None:
+        """A namespace in which both work; empty if that may be any, None if there is none."""
         given = text(mapping(lease["metadata"].get("annotations")).get(SCOPE))
         own, others = set(self._settings.namespaces), {name for name in given.split(",") if name}
-        return not own or not others or bool(own & others)
+        if not others:
+            return ""
+        return min(own & others if own else others, default=None)
+
+    async def _is_operator(self, space: str, common: str) -> bool:
+        """Whether the ServiceAccount of an installation may work in a namespace, or in all."""
+        key = (space, common)
+        known = self._confirmed.get(key)
+        if known is None or time.monotonic() - known[1] > CONFIRMED_SECONDS:
+            review: Object = {
+                "apiVersion": "authorization.k8s.io/v1",
+                "kind": "SubjectAccessReview",
+                "spec": {
+                    "user": f"system:serviceaccount:{space}:{ACCOUNT}",
+                    "resourceAttributes": {
+                        "group": GROUP,
+                        "resource": "campaigns",
+                        "subresource": "status",
+                        "verb": "patch",
+                        "namespace": common,
+                    },
+                },
+            }
+            answer = await self._api.create(paths.ACCESS_REVIEWS, review)
+            allowed = mapping(mapping(answer).get("status")).get("allowed") is True
+            while len(self._confirmed) >= CONFIRMED:
+                del self._confirmed[next(iter(self._confirmed))]
+            known = self._confirmed[key] = (allowed, time.monotonic())
+        return known[0]
+
+    def _explain(self, error: ApiError | OSError) -> str:
+        """Explain why the Lease cannot be claimed, and what to do."""
+        if isinstance(error, ApiError) and error.code == 403:
+            space = self._settings.lease_namespace
+            return _FORBIDDEN.format(space=space, error=error)
+        return f"The Lease {NAME} cannot be claimed: {error or type(error).__name__}."
 
     def _report_rival(self, space: str | None) -> None:
         found = "" if space is None else _RIVAL.format(space=space)

@@ -109,7 +109,7 @@ class Metrics:
         self._leader = Gauge("robovast_leader", "1 for the leader.", registry=self._registry)
         self._blocked = Gauge(
             "robovast_operator_blocked",
-            "1 if another installation works in the namespaces of this one.",
+            "1 if another installation works in the same namespaces, or if it has no Lease.",
             registry=self._registry,
         )
         self.put_off = Counter(

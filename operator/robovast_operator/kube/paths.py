@@ -98,5 +98,9 @@ def leases(namespace: str | None = None) -> str:
     return f"/apis/coordination.k8s.io/v1{_in(namespace)}/leases"
 
 
+ACCESS_REVIEWS = "/apis/authorization.k8s.io/v1/subjectaccessreviews"
+"""Answers whether an account may do something."""
+
+
 def _in(namespace: str | None) -> str:
     return f"/namespaces/{namespace}" if namespace else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import copy
+import itertools
 import random
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
@@ -16,6 +17,7 @@ from support.patience import PATIENCE
 from robovast_operator.kube import lease as lease_module
 from robovast_operator.kube.api import ApiError
 from robovast_operator.kube.lease import Leadership
+from robovast_operator.kube.paths import ACCESS_REVIEWS
 
 
 class Server:
@@ -23,6 +25,10 @@ class Server:
 
     def __init__(self, delay: Callable[[], float] = lambda: 0.0) -> None:
         self.leases: dict[str, Any] = {}
+        self.operators: set[tuple[str, str]] | None = None
+        """By namespace: whose account may work where, empty for everywhere; None: all may."""
+        self.forbidden: set[str] = set()
+        """Verbs, and `review`, that are refused."""
         self.away = False
         self._delay = delay
 
@@ -30,8 +36,25 @@ class Server:
     def lease(self) -> Any:
         return self.leases[OWN]
 
+    def _check(self, verb: str) -> None:
+        if verb in self.forbidden:
+            raise ApiError(403, "Forbidden", f"cannot {verb} it")
+
+    def _review(self, spec: Any) -> Any:
+        self._check("review")
+        space = spec["user"].split(":")[2]
+        asked = spec["resourceAttributes"]
+        assert (asked["verb"], asked["resource"], asked["subresource"]) == (
+            *("patch", "campaigns"),
+            "status",
+        )
+        found = self.operators
+        allowed = found is None or bool({(space, ""), (space, asked["namespace"])} & found)
+        return {"status": {"allowed": allowed}}
+
     async def list(self, path: str, **_: str) -> AsyncIterator[Any]:
         await asyncio.sleep(self._delay())
+        self._check("list")
         if self.away:
             raise ApiError(0, "Unreachable", path)
         found = [copy.deepcopy(lease) for lease in self.leases.values()]
@@ -41,12 +64,16 @@ class Server:
 
     async def create(self, path: str, obj: Any) -> Any:
         await asyncio.sleep(self._delay())
+        if path == ACCESS_REVIEWS:
+            return self._review(obj["spec"])
+        self._check("create")
         if space_of(path) in self.leases:
             return None
         return self._put(path, obj)
 
     async def update(self, path: str, obj: Any) -> Any:
         await asyncio.sleep(self._delay())
+        self._check("update")
         known = self.leases[space_of(path)]["metadata"].get("resourceVersion")
         if known != obj["metadata"].get("resourceVersion"):
             raise ApiError(409, "Conflict", path)
@@ -213,3 +240,93 @@ def test_a_replica_of_the_leading_installation_comes_before_another_installation
             task.cancel()
 
     asyncio.run(asyncio.wait_for(hand_over(), PATIENCE))
+
+
+SCOPES = ["", "x", "y,x", "elsewhere", None, 5]
+
+
+@pytest.mark.parametrize("own", [(), ("x", "y")])
+@pytest.mark.parametrize("scope", SCOPES)
+@pytest.mark.parametrize("operators", [set(), {("team", "team")}, {("x", "")}])
+def test_a_lease_of_a_user_blocks_no_operator(
+    own: tuple[str, ...], scope: object, operators: set[tuple[str, str]]
+) -> None:
+    """A user renews it without end; its account has no rights where the operator works."""
+    server: Any = Server()
+    server.operators = operators
+    settings = replace(SETTINGS, namespaces=own, lease_seconds=0.3)
+    leadership = Leadership(server, settings)
+
+    async def lead() -> None:
+        keeping = asyncio.create_task(leadership.keep())
+        renewals = itertools.count()
+        while not leadership.leading:
+            assert (leadership.rival, leadership.failure) == ("", "")
+            server.leases["team"] = foreign_lease(scope, next(renewals))
+            await asyncio.sleep(0.02)
+        keeping.cancel()
+
+    asyncio.run(asyncio.wait_for(lead(), PATIENCE))
+
+
+def foreign_lease(scope: object, renewal: int = 0) -> Any:
+    """A Lease in the namespace `team` whose annotation is a scope."""
+    meta = {"namespace": "team", "name": "robovast-operator"}
+    spec = {"holderIdentity": "foreign", "renewTime": str(renewal), "leaseDurationSeconds": 60}
+    return {"metadata": {**meta, "annotations": {lease_module.SCOPE: scope}}, "spec": spec}
+
+
+@pytest.mark.parametrize(
+    ("own", "scope", "operators", "blocked"),
+    [
+        ((), "", {("team", "")}, True),
+        ((), "x", {("team", "x")}, True),
+        (("x",), "x,y", {("team", "x")}, True),
+        (("x",), "", {("team", "")}, True),
+        (("x",), "", {("team", "x")}, False),
+        (("x",), "y", {("team", "")}, False),
+    ],
+)
+def test_the_lease_of_an_operator_with_its_rights_counts(
+    *, own: tuple[str, ...], scope: str, operators: set[tuple[str, str]], blocked: bool
+) -> None:
+    server: Any = Server()
+    server.operators = operators
+    server.leases["team"] = foreign_lease(scope)
+    leadership = Leadership(server, replace(SETTINGS, namespaces=own, lease_seconds=0.3))
+
+    async def ask() -> None:
+        keeping = asyncio.create_task(leadership.keep())
+        while not (leadership.leading or leadership.rival):
+            await asyncio.sleep(0.01)
+        keeping.cancel()
+
+    asyncio.run(asyncio.wait_for(ask(), PATIENCE))
+    assert (bool(leadership.rival), leadership.leading) == (blocked, not blocked)
+
+
+@pytest.mark.parametrize("verb", ["list", "create", "update", "review"])
+def test_a_missing_permission_is_a_reason_not_to_be_ready(verb: str) -> None:
+    server: Any = Server()
+    server.forbidden = {verb}
+    server.leases["team"] = foreign_lease("")
+    server.operators = set()
+    if verb == "update":
+        server.leases[OWN] = {"metadata": {"namespace": OWN, "name": "robovast-operator"}}
+    leadership = Leadership(server, replace(SETTINGS, lease_seconds=0.3))
+
+    async def ask() -> str:
+        keeping = asyncio.create_task(leadership.keep())
+        while not leadership.failure:
+            assert not leadership.leading
+            await asyncio.sleep(0.01)
+        told = leadership.failure
+        server.forbidden = set()
+        await leadership.wait()
+        assert leadership.failure == ""
+        keeping.cancel()
+        return told
+
+    told = asyncio.run(asyncio.wait_for(ask(), PATIENCE))
+    assert f"cannot {verb} it" in told
+    assert f"robovast-operator-leases-{OWN}" in told
