@@ -42,6 +42,7 @@ from robovast_cli.commands.exec.cluster import share_jobs
 from robovast_cli.commands.results import parts as results_parts
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import UnreachableError
+from robovast_cli.kube.status import CampaignState
 from robovast_cli.main import command
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted
@@ -1046,11 +1047,26 @@ def test_without_keys_it_is_said_which_are_missing(
 
 @one_make
 def test_results_that_were_removed_keep_no_others(
-    vast: Vast, stored: Stored, operator: Operator, s3_server: Server, tmp_path: Path
+    vast: Vast,
+    stored: Stored,
+    operator: Operator,
+    s3_server: Server,
+    known_cluster: Cluster,
+    namespace: str,
+    tmp_path: Path,
 ) -> None:
     vast("run", "--detach")
     (name,) = set(operator.names()) - {stored.name}
     endpoint = f"http://{s3_server.endpoint}"
+    known_cluster.apply(secret("robovast-storage", namespace, s3_server, endpoint=endpoint))
+    known: Any = known_cluster.get("campaign", name, f"--namespace={namespace}")
+    made = CampaignState(known)
+    stored.store.make_bucket(made.bucket)
+    stored.store.put_bytes(made.bucket, "sweep-1-1/0/run.json", b'{"job": "job-0"}')
+    outcome = vast("download", "-i", name, "-o", "unreported", group=("results",))
+    stored.store.delete_bucket(made.bucket)
+    assert (outcome.code, outcome.err) == (0, ""), "the status of the Campaign is missing"
+    assert (tmp_path / "unreported" / made.folder / "sweep-1-1/0/run.json").is_file()
     bucket = {"bucket": f"{name}-gone", "campaign": "gone", "endpoint": endpoint}
     operator.report(name, **bucket)
     outcome = vast("download", "-o", "home", group=("results",))

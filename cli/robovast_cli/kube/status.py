@@ -12,6 +12,9 @@ from robovast.base.errors import ExitCode, InputError
 from robovast.base.printable import printable
 from robovast.kubeapi.resources import Scheduling, Storage
 from robovast.kubeapi.status import CampaignStatus, Condition, SearchStatus, read_status
+from robovast.storage.bucket_names import bucket_name, campaign_id
+
+BEGINNING = datetime.fromtimestamp(0, UTC)
 
 NAMED = 10
 """Most campaigns that a message names."""
@@ -41,6 +44,24 @@ class CampaignState:
     def status(self) -> CampaignStatus:
         """Its status, empty before the operator has seen it."""
         return read_status(CampaignStatus, self.resource.get("status"))
+
+    @property
+    def folder(self) -> str:
+        """Name of its results folder."""
+        meta, spec = self.resource["metadata"], self.resource["spec"]
+        created = _time(meta.get("creationTimestamp")) or BEGINNING
+        document = (spec.get("vast") or {}).get("metadata")
+        return self.status.campaign or campaign_id(document, self.name, created)
+
+    @property
+    def bucket(self) -> str:
+        """Its bucket, which may not exist yet; empty if no run was ever planned.
+
+        The status may be lost or old; the name then follows from the Campaign.
+        """
+        if self.status.bucket or self.rejected:
+            return self.status.bucket
+        return bucket_name(self.folder, self.storage.prefix or "", self.uid)
 
     @cached_property
     def storage(self) -> Storage:
@@ -226,7 +247,7 @@ def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
     Raises:
         InputError: results folders of several have that name.
     """
-    found = [c for c in known if name in {c.name, c.status.campaign, c.status.bucket}]
+    found = [c for c in known if name in {c.name, c.folder, c.bucket}]
     exact = [c for c in found if c.name == name] or found
     if len(exact) > 1:
         names = ", ".join(campaign.name for campaign in exact)

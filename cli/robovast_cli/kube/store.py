@@ -44,14 +44,22 @@ def installed_place(kube: Kubernetes, known: Sequence[CampaignState]) -> StorePl
 
     Its endpoint is empty if it is unknown.
     """
+    noted = _noted(kube, CREDENTIALS_SECRET)
+    seen = (campaign.status.endpoint for campaign in reversed(known))
+    endpoint = os.environ.get(ENDPOINT) or noted.endpoint or next(filter(None, seen), "")
+    return StorePlace(endpoint, noted.region)
+
+
+def _noted(kube: Kubernetes, secret: str) -> StorePlace:
+    """The store as a Secret notes it; without an endpoint if that cannot be read."""
     try:
-        data = (kube.secret(CREDENTIALS_SECRET) or {}).get("data") or {}
+        data = (kube.secret(secret) or {}).get("data") or {}
     except CannotRunError:
         data = {}
-    told = [_decoded(data[key]) if key in data else "" for key in ("endpoint", "region")]
-    seen = (campaign.status.endpoint for campaign in reversed(known))
-    endpoint = os.environ.get(ENDPOINT) or told[0] or next(filter(None, seen), "")
-    return StorePlace(endpoint, told[1] or None)
+    endpoint, region = (
+        _decoded(data[key]) if key in data else "" for key in ("endpoint", "region")
+    )
+    return StorePlace(endpoint, region or None, secret)
 
 
 @contextmanager
@@ -70,6 +78,8 @@ def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
         from robovast.storage.endpoint import Credentials, Endpoint
         from robovast.storage.s3 import ObjectStore
     credentials = Credentials(*_keys(kube, place.secret))
+    if not place.endpoint:  # of a Campaign whose status is missing
+        place = _noted(kube, place.secret)
     with reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
         endpoint = Endpoint.parse(address, place.region)
         yield ObjectStore(endpoint, credentials, patience=REPEATABLE, connections=CONNECTIONS)
@@ -88,7 +98,10 @@ def _keys(kube: Kubernetes, secret: str) -> tuple[str, str]:
     given = os.environ.get(ACCESS_KEY), os.environ.get(SECRET_KEY)
     if given[0] and given[1]:
         return given[0], given[1]
-    remedy = f"Set {ACCESS_KEY} and {SECRET_KEY}, or ask for the right to read that Secret."
+    remedy = (
+        f"Set {ACCESS_KEY} and {SECRET_KEY}, or ask your cluster administrator for the permission "
+        "to read that Secret, or for access to the web UI of the cluster (chart: `page.viewers`)."
+    )
     try:
         found = kube.secret(secret)
     except CannotRunError as error:

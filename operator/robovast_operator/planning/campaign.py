@@ -73,8 +73,8 @@ class Accepted:
     @property
     def campaign(self) -> str:
         """Name of the results folder."""
-        name = str(self.vast.metadata.get("name") or self.identity.name)
-        return campaign_id(name, parse_time(self.identity.created))
+        created = parse_time(self.identity.created)
+        return campaign_id(self.vast.metadata, self.identity.name, created)
 
     @property
     def bucket(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import datetime
 
 from robovast.model.naming import campaign_folder_name
@@ -17,14 +17,16 @@ REUSE_BUCKET = "robovast-reuse"
 """Where runs are stored, by key (docs/agent.md, "Reused runs")."""
 
 
-def campaign_id(name: str, created: datetime) -> str:
+def campaign_id(metadata: object, name: str, created: datetime) -> str:
     """Name of a campaign's results folder.
 
     Args:
-        name: `metadata.name` of the document, or else of the Campaign.
+        metadata: `metadata` of the .vast file, whose `name` is used.
+        name: of the Campaign, used if the .vast file has no name.
         created: creation time of the Campaign (UTC).
     """
-    return campaign_folder_name(name, created)
+    given = metadata.get("name") if isinstance(metadata, Mapping) else None
+    return campaign_folder_name(str(given or name), created)
 
 
 def bucket_name(campaign: str, prefix: str = "", uid: str = "") -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from support.kube.fake_cluster import accepted
 
 from robovast.base.errors import ExitCode, InputError
 from robovast_cli.kube.status import CampaignState, find_campaign
@@ -206,3 +208,25 @@ def test_an_old_status_gives_its_age_and_no_estimate(minutes: int, old: bool) ->
         {**found.resource, "status": {"observedGeneration": 2, "state": "Finished"}}
     )
     assert not finished.messages
+
+
+@pytest.mark.parametrize("title", [None, "Night run, 3rd", "n" * 80])
+@pytest.mark.parametrize("prefix", ["", "lab-"])
+def test_a_bucket_is_known_without_a_status(title: str | None, prefix: str) -> None:
+    made = accepted(storage={"prefix": prefix} if prefix else {})
+    vast = made.vast.model_copy(update={"metadata": {"name": title} if title else {}})
+    wanted = replace(made, vast=vast)
+    identity = wanted.identity
+    meta = {
+        "name": identity.name,
+        "uid": identity.uid,
+        "creationTimestamp": identity.created,
+        "generation": 1,
+    }
+    spec = {"vast": {"metadata": vast.metadata}, "storage": {"prefix": prefix} if prefix else {}}
+    found = CampaignState({"metadata": meta, "spec": spec})
+    assert (found.folder, found.bucket) == (wanted.campaign, wanted.bucket)
+    refused = condition("Accepted", "False", "the document is wrong")
+    assert campaign(conditions=[refused]).bucket == ""
+    kept = campaign(conditions=[refused], bucket="b", campaign="c")
+    assert (kept.bucket, kept.folder) == ("b", "c")

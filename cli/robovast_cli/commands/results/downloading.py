@@ -82,7 +82,7 @@ def download_run(context: str | None, namespace: str | None, run: str, output: P
 
 
 def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
-    stored = [campaign for campaign in known if campaign.status.bucket]
+    stored = [campaign for campaign in known if campaign.bucket]
     if not stored:
         raise InputError(
             f"no campaign in the namespace {kube.namespace} has results. `--namespace` chooses "
@@ -96,7 +96,7 @@ def named_results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -
 
     Raises:
         InputError: there are none, or several.
-        CannotRunError: nothing is stored yet.
+        CannotRunError: the Campaign was rejected.
     """
     place = installed_place(kube, known)
     if lookup(known, name) is None and place.endpoint:
@@ -112,16 +112,12 @@ def results_of(campaign: CampaignState) -> Results:
     """Results of a campaign.
 
     Raises:
-        CannotRunError: nothing is stored yet.
+        CannotRunError: the Campaign was rejected.
     """
-    status = campaign.status
-    if not status.bucket:
-        raise CannotRunError(
-            f"{campaign.name}: nothing is stored yet. `vast exec cluster monitor` shows how far "
-            "it is."
-        )
-    name = status.campaign or campaign.name
-    return Results(name, status.bucket, place_of(campaign), campaign)
+    if not campaign.bucket:
+        why = "; ".join(campaign.messages)
+        raise CannotRunError(f"{campaign.name}: has no results, because it was rejected: {why}")
+    return Results(campaign.folder, campaign.bucket, place_of(campaign), campaign)
 
 
 def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bool:

@@ -90,11 +90,11 @@ def download_cleanup(
     with connect(context, namespace) as kube:
         known = [CampaignState(item) for item in kube.campaigns()]
         chosen = [find_campaign(known, name, kube.namespace)] if name else known
-        doomed = [campaign for campaign in chosen if campaign.finished and campaign.status.bucket]
+        doomed = [campaign for campaign in chosen if campaign.finished and campaign.bucket]
         if name and not doomed:
             raise InputError(f"{name}: is not finished, or has no results in the storage.")
         for campaign in doomed:
-            say(f"{campaign.name}: bucket {campaign.status.bucket}")
+            say(f"{campaign.name}: bucket {campaign.bucket}")
         if doomed and ask:
             typer.confirm("Remove these results from the cluster's storage?", abort=True)
         for campaign in doomed:

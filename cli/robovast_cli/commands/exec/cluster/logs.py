@@ -103,7 +103,7 @@ def opened_runs(
             yield kube, CampaignRuns(kube, None, results.bucket, results.place, stack)
         elif campaign is not None:
             place = place_of(campaign)
-            yield kube, CampaignRuns(kube, campaign, campaign.status.bucket, place, stack)
+            yield kube, CampaignRuns(kube, campaign, campaign.bucket, place, stack)
 
 
 def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:

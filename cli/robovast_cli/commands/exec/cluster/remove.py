@@ -50,11 +50,9 @@ def remove(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool) 
         _wait_until_gone(kube, campaign, with_pods=data)
         if data:
             remove_bucket(kube, campaign)
-        kept = (
-            ""
-            if data or not campaign.status.bucket
-            else f"; its results stay in the bucket {campaign.status.bucket}"
-        )
+        known = "its results" if campaign.status.bucket else "its results, if it has any,"
+        kept = f"; {known} stay in the bucket {campaign.bucket}" if campaign.bucket else ""
+        kept = "" if data else kept
         say(f"{campaign.name}: removed{kept}.")
 
 
@@ -64,10 +62,10 @@ def remove_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
     Raises:
         OtherOwnerError: it belongs to another campaign.
     """
-    if campaign.status.bucket:
+    if campaign.bucket:
         with open_store(kube, place_of(campaign)) as store:
-            is_owned(store, campaign.status.bucket, campaign.uid)
-            store.delete_bucket(campaign.status.bucket)
+            is_owned(store, campaign.bucket, campaign.uid)
+            store.delete_bucket(campaign.bucket)
 
 
 def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bool) -> None:

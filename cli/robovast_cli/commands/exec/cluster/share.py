@@ -132,7 +132,7 @@ def _chosen(
             )
     if names:
         return [named_results(kube, known, name) for name in dict.fromkeys(names)]
-    stored = [campaign for campaign in known if campaign.finished and campaign.status.bucket]
+    stored = [campaign for campaign in known if campaign.finished and campaign.bucket]
     for campaign in known:
         if not campaign.finished:
             say(f"{campaign.name}: is not finished, and not uploaded.")
@@ -147,7 +147,7 @@ def _chosen(
 
 def _told_apart(results: Results, known: Sequence[CampaignState]) -> Results:
     """Results under a name that no other campaign of the namespace has."""
-    alike = [campaign for campaign in known if campaign.status.campaign == results.name]
+    alike = [campaign for campaign in known if campaign.folder == results.name]
     if len(alike) < 2 or results.campaign is None:
         return results
     return replace(results, name=distinct_name(results.name, results.campaign.uid))
