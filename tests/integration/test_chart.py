@@ -121,6 +121,49 @@ def test_namespaces_of_the_operator_get_credentials_queue_and_limits() -> None:
     assert len({obj["stringData"]["secretKey"] for obj in secrets}) == 1
 
 
+@pytest.mark.parametrize(
+    ("storage", "kept"),
+    [
+        ({}, {"PersistentVolumeClaim/robovast-s3", "Secret/system/robovast-storage"}),
+        ({"embedded": {"keep": False}}, set()),
+        ({"credentials": {"existingSecret": "own"}}, {"PersistentVolumeClaim/robovast-s3"}),
+        ({"embedded": {"enabled": False}, "external": {"endpoint": "https://s3"}}, set()),
+    ],
+)
+def test_the_keys_of_the_volume_stay_with_it(storage: Object, kept: set[str]) -> None:
+    """When the chart is removed; copies of the keys in other namespaces are made again."""
+    storage = {"credentials": {"namespaces": ["a"]} | storage.pop("credentials", {})} | storage
+    found = {
+        f"{kind}/{name}"
+        for kind in ("PersistentVolumeClaim", "Secret")
+        for name, obj in of_kind(rendered({"storage": storage}), kind).items()
+        if obj["metadata"].get("annotations", {}).get("helm.sh/resource-policy") == "keep"
+    }
+    assert found == kept
+
+
+def test_viewers_may_open_the_page_and_read_no_secret() -> None:
+    viewers = [
+        {"kind": "Group", "name": "team-a"},
+        {"kind": "ServiceAccount", "name": "bot", "namespace": "team-a"},
+    ]
+    objects = rendered({"page": {"enabled": True, "viewers": viewers}})
+    assert of_kind(objects, "RoleBinding")["robovast-page"]["subjects"] == viewers
+    role = of_kind(objects, "Role")["robovast-page"]
+    rights = {(verb, kind) for r in role["rules"] for verb in r["verbs"] for kind in r["resources"]}
+    assert {("get", "deployments"), ("list", "pods"), ("get", "pods/log")} < rights
+    assert ("create", "pods/portforward") in rights
+    assert not {kind for _, kind in rights} - {
+        "deployments",
+        "pods",
+        "pods/log",
+        "pods/portforward",
+    }
+    assert "robovast-page" not in of_kind(rendered({"page": {"enabled": True}}), "Role")
+    with pytest.raises(ValueError, match="viewers"):
+        template({"page": {"viewers": [{"kind": "ServiceAccount", "name": "bot"}]}})
+
+
 @pytest.mark.parametrize("limits", [{}, {"team-a": 200, "*": 1_000_000}])
 def test_the_operator_reads_the_limits_of_pods_that_the_values_state(
     limits: dict[str, int],
@@ -133,10 +176,12 @@ def test_the_operator_reads_the_limits_of_pods_that_the_values_state(
     assert read_settings(environment).pod_limits == limits
 
 
-PAGE = (CHART.parents[1] / "docs/cluster-admin.md").read_text()
+DOCS = CHART.parents[1] / "docs"
+PAGE = (DOCS / "cluster-admin.md").read_text()
+PAGES = PAGE + (DOCS / "cluster-requirements.md").read_text()
 
 
-@pytest.mark.parametrize("block", re.findall(r"```yaml\n(?!apiVersion)(.*?)```", PAGE, re.DOTALL))
+@pytest.mark.parametrize("block", re.findall(r"```yaml\n(?!apiVersion)(.*?)```", PAGES, re.DOTALL))
 def test_values_in_the_admins_page_are_values_of_the_chart(block: str) -> None:
     assert rendered(yaml.safe_load(block)) != []
 
