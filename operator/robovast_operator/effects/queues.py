@@ -234,7 +234,7 @@ def _nothing(job: JobState, *, stalled: bool) -> Waiting | None:
     # An operator of single namespaces may not look for classes, which are the cluster's.
     having = f", with a WorkloadPriorityClass {job.priority}" if job.priority else ""
     message = (
-        f"nobody admits it to the queue {job.queue}: is Kueue installed{having}, and does it look "
-        f"after the namespace {job.namespace}? Without spec.queueName none is needed."
+        f"Kueue does not admit the Job to the queue {job.queue}. Check that Kueue is "
+        f"installed{having} and manages the namespace {job.namespace}, or remove spec.queueName."
     )
     return Waiting(job.name, "NoKueue", message, helpless=True)

@@ -220,11 +220,11 @@ def _not_reusable(spec: CampaignSpec, vast: Vast, image: str) -> str:
     if vast.execution.seed is None:
         return "each campaign draws other seeds; set `execution.seed` in the document"
     if not named_digest(image):
-        return f"nobody knows what {image} contains; name it with its digest: IMAGE@sha256:…"
+        return f"the content of {image} can change; name it with its digest: IMAGE@sha256:…"
     for assets in vast.execution.kubernetes.assets:
         if not named_digest(assets.image or ""):
             return (
-                f"nobody knows what is mounted at {assets.path}; use assets of an image with its "
+                f"what is mounted at {assets.path} can change; use assets of an image with its "
                 "digest: IMAGE@sha256:…"
             )
     if vast.search is not None:
@@ -250,7 +250,7 @@ def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected
         "SourceChanged",
         f"spec.source: the file `{names[0]}` is not the one that the runs were planned with, whose "
         f"SHA-256 is {before[names[0]]}. All runs of a campaign have one input: put it back, or "
-        "create another Campaign. What runs already goes on.",
+        "create another Campaign. Runs that are in progress continue.",
     )
 
 

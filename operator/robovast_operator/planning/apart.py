@@ -190,7 +190,9 @@ class _Process:
             self._receive(START_SECONDS)
             found: tuple[bool, Any] = self._receive(self._seconds)
         except EOFError:
-            raise TooLargeError(f"{_TOO_MUCH} (its process died: out of memory?).") from None
+            raise TooLargeError(
+                f"{_TOO_MUCH}: its process ended, probably for lack of memory."
+            ) from None
         finally:
             self.end()
             self._process.join()

@@ -116,7 +116,7 @@ def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object])
     if PARKED in (workload["metadata"].get("annotations") or {}):
         return Waiting(job.name, "Parked", "goes back into its queue", parked=True)
     if not job.elsewhere and _is_for_others(workload):
-        message = f"the queue {job.queue} leads to other clusters now; its Job is made anew"
+        message = f"the queue {job.queue} leads to other clusters now; its Job is created again"
         return Waiting(job.name, "Waiting", message, misled=True)
     told = conditions.get("Evicted", {}).get("message") or "spec.active is false"
     message = (

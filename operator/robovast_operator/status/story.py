@@ -29,7 +29,7 @@ def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     if total <= old.runs.total or not asked:
         return
     packs, most = snapshot.plan.packs, snapshot.accepted.spec.parallelism
-    told = f"{_count(total, 'run')} in {_count(packs, 'pack')}, in at most {_count(most, 'pod')}"
+    told = f"{_count(total, 'run')} in {_count(packs, 'job')}, in at most {_count(most, 'pod')}"
     yield Message("Normal", "Planned", f"{told} at once", str(total))
 
 

@@ -142,8 +142,9 @@ class Bucket:
             if fits(parameters_key(job_name(pack, number))):
                 return number
         raise StorageError(
-            f"{self.name}: the server reports that {MOST_JOBS:,} jobs of pack {pack} exist, more "
-            "than can be. Check the server, or a proxy on the way to it."
+            f"{self.name}: the server reports that {MOST_JOBS:,} folders like "
+            f"`_jobs/{job_name(pack, 0)}` exist, more than can be. Check the server, or "
+            "a proxy on the way to it."
         )
 
     def claim_of(self, pack: int, number: int) -> bytes:

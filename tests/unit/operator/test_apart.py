@@ -35,7 +35,7 @@ def test_an_answer_is_the_answer() -> None:
 
 @pytest.mark.parametrize(
     ("work", "number", "told"),
-    [(bytes, 2**30, "more than 64 MiB"), (os._exit, 9, "its process died")],
+    [(bytes, 2**30, "more than 64 MiB"), (os._exit, 9, "its process ended")],
 )
 def test_its_end_is_told(work: Any, number: int, told: str) -> None:
     with pytest.raises(InputError, match=told):

@@ -411,7 +411,7 @@ def main() -> None:
     except (ImportError, AttributeError, TypeError) as error:
         sys.stdout.write(
             f"[robovast] warning: this image's scenario-execution is not as expected ({error}); "
-            "the verdicts of this pack appear only when all of its runs have ended, and of several "
+            "the verdicts of this job appear only when all of its runs have ended, and of several "
             "runs none gets its ROBOVAST_SEED\n"
         )
         sys.stdout.flush()
