@@ -9,7 +9,9 @@ from uuid import uuid4
 
 import pytest
 from robovast_testbed.kubernetes import Cluster
+from support.kube.chart import rendered
 from support.kube.operator_process import (
+    SYSTEM,
     NewOperator,
     OperatorProcess,
     campaign,
@@ -18,8 +20,10 @@ from support.kube.operator_process import (
 )
 from support.patience import eventually
 
-SOON = 5.0
-"""Time in which a small Campaign is accepted, also on a machine that other tests load [s]."""
+SOON = 2.0
+"""Time in which a small Campaign is accepted on a machine without other work [s]."""
+SLOWER = 4
+"""How many times as long it may take as with an operator that has nothing else to do."""
 
 
 @pytest.fixture
@@ -50,6 +54,22 @@ def heavy(name: str, namespace: str, values: int, parameters: int) -> dict[str, 
     return obj
 
 
+@pytest.fixture
+def idle(fake_cluster: Cluster, new_operator: NewOperator) -> Iterator[tuple[str, OperatorProcess]]:
+    """A namespace, and an operator for it that has nothing else to do."""
+    name = f"idle-{uuid4().hex[:6]}"
+    fake_cluster.kubectl("create", "namespace", name)
+    account = {"kind": "ServiceAccount", "name": "robovast-operator", "namespace": SYSTEM}
+    for obj in rendered(namespace=name):
+        if obj["kind"] in {"Role", "RoleBinding"}:
+            obj["metadata"]["namespace"] = name
+            if obj["kind"] == "RoleBinding":
+                obj["subjects"] = [account]
+            fake_cluster.apply(obj)
+    yield name, new_operator("idle", ROBOVAST_NAMESPACES=name, POD_NAMESPACE=name)
+    fake_cluster.kubectl("delete", "namespace", name, "--wait=false")
+
+
 def accepted(cluster: Cluster, namespace: str, name: str) -> dict[str, str]:
     return condition(status(cluster, namespace, name), "Accepted")
 
@@ -67,27 +87,42 @@ def seconds_until_accepted(
 
 
 def test_a_small_campaign_waits_for_no_heavy_one_of_another_namespace(
-    fake_cluster: Cluster, namespace: str, others: str, new_operator: NewOperator
+    fake_cluster: Cluster,
+    namespace: str,
+    others: str,
+    idle: tuple[str, OperatorProcess],
+    new_operator: NewOperator,
 ) -> None:
+    """An operator without other work is the measure, since tests in parallel load the machine."""
+    quiet, measure = idle
     operator = new_operator(ROBOVAST_NAMESPACES=f"{namespace},{others}")
     operator.start()
-    idle = seconds_until_accepted(fake_cluster, namespace, "idle", operator)
+    measure.start()
+    seconds_until_accepted(fake_cluster, namespace, "first", operator)
+    seconds_until_accepted(fake_cluster, quiet, "first", measure)
     names = [f"good-{n}" for n in range(3)] + [f"huge-{n}" for n in range(3)]
     for name in names:
         parameters = 3 if name.startswith("good") else 60
         fake_cluster.apply(heavy(name, others, 46, parameters))
-    took = [
-        seconds_until_accepted(fake_cluster, namespace, f"small-{number}", operator)
-        for number in range(3)
-    ]
+
+    def times(name: str) -> tuple[float, float]:
+        """The times of this operator, and of the one without other work."""
+        return (
+            seconds_until_accepted(fake_cluster, namespace, name, operator),
+            seconds_until_accepted(fake_cluster, quiet, name, measure),
+        )
+
+    took = [times(f"small-{number}") for number in range(3)]
     waiting = [name for name in names if not accepted(fake_cluster, others, name)]
-    assert max(took) < SOON, (idle, took)
+    own, usual = map(max, zip(*took, strict=True))
+    assert own < SOON + SLOWER * usual, took
     assert waiting, "they were not heavy enough for this test"
 
     operator.kill()
     operator.start()
-    again = seconds_until_accepted(fake_cluster, namespace, "after-restart", operator)
-    assert again < SOON + 15, "a new leader waits until the former one's lease has ended"
+    eventually(lambda: operator.told().count("one leads") == 2, told=operator.told)
+    again, usual = times("after-restart")
+    assert again < SOON + SLOWER * usual, "a new leader expands all of them again"
 
     eventually(
         lambda: all(accepted(fake_cluster, others, name) for name in names), told=operator.told
@@ -95,7 +130,11 @@ def test_a_small_campaign_waits_for_no_heavy_one_of_another_namespace(
 
 
 def test_configurations_that_are_heavy_delay_nobody_else_and_not_even_their_campaign(
-    fake_cluster: Cluster, namespace: str, others: str, new_operator: NewOperator
+    fake_cluster: Cluster,
+    namespace: str,
+    others: str,
+    idle: tuple[str, OperatorProcess],
+    new_operator: NewOperator,
 ) -> None:
     operator = new_operator(ROBOVAST_NAMESPACES=f"{namespace},{others}")
     operator.start()
@@ -114,7 +153,12 @@ def test_configurations_that_are_heavy_delay_nobody_else_and_not_even_their_camp
                 "spec": {"campaign": "base", "variations": entry},
             }
         )
-    assert seconds_until_accepted(fake_cluster, namespace, "small", operator) < SOON
+    quiet, measure = idle
+    measure.start()
+    seconds_until_accepted(fake_cluster, quiet, "first", measure)
+    own = seconds_until_accepted(fake_cluster, namespace, "small", operator)
+    usual = seconds_until_accepted(fake_cluster, quiet, "small", measure)
+    assert own < SOON + SLOWER * usual
 
     def told(name: str) -> tuple[str | None, ...]:
         found: Any = fake_cluster.get("configuration", name, f"--namespace={others}")

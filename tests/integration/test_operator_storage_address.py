@@ -5,11 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from robovast_testbed.kubernetes import Cluster
+from support.kube.chart import of_kind, rendered
 from support.kube.operator_process import NewOperator, campaign, finished, status
 from support.patience import eventually
 
 OLD = "http://127.0.0.1:9"
 NEW = "http://127.0.0.2:9"
+
+
+def settings(endpoint: str) -> dict[str, str]:
+    """The operator's variables as `helm upgrade` with this address writes them."""
+    storage = {"embedded": {"enabled": False}, "external": {"endpoint": endpoint}}
+    deployment = of_kind(rendered({"storage": storage}), "Deployment")["robovast-operator"]
+    (container,) = deployment["spec"]["template"]["spec"]["containers"]
+    found = {item["name"]: item.get("value", "") for item in container["env"]}
+    return {name: found[name] for name in ("ROBOVAST_S3_ENDPOINT", "ROBOVAST_S3_REGION")}
 
 
 def jobs(cluster: Cluster, namespace: str) -> list[dict[str, Any]]:
@@ -28,7 +38,7 @@ def addresses(job: dict[str, Any]) -> set[str]:
 def test_an_open_campaign_continues_with_the_new_address_and_a_finished_one_shows_it(
     fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:
-    first = new_operator("first", ROBOVAST_S3_ENDPOINT=OLD)
+    first = new_operator("first", **settings(OLD))
     first.start()
     fake_cluster.apply(campaign("few", namespace, 3, 2))
     eventually(lambda: finished(fake_cluster, namespace, "few"), told=first.told)
@@ -41,7 +51,7 @@ def test_an_open_campaign_continues_with_the_new_address_and_a_finished_one_show
     )
     bucket = status(fake_cluster, namespace, "busy")["bucket"]
     first.stop()
-    second = new_operator("second", ROBOVAST_S3_ENDPOINT=NEW)
+    second = new_operator("second", **settings(NEW))
     second.start()
 
     def recreated() -> bool:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import pki, programs
+from . import api_reads, pki, programs
 from .bed import Bed
 from .commands import run
 
@@ -71,6 +71,9 @@ class Cluster:
 
     def get(self, *arguments: str) -> dict[str, object]:
         """Return what `kubectl get ARGUMENTS` shows, parsed."""
+        found = api_reads.read(self.kubeconfig, arguments)
+        if found is not None:
+            return found
         answer: dict[str, object] = json.loads(self.kubectl("get", *arguments, "--output=json"))
         return answer
 
