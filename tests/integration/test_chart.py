@@ -132,11 +132,12 @@ def test_namespaces_of_the_operator_get_credentials_queue_and_limits() -> None:
 )
 def test_the_keys_of_the_volume_stay_with_it(storage: Object, kept: set[str]) -> None:
     """When the chart is removed; copies of the keys in other namespaces are made again."""
-    storage = {"credentials": {"namespaces": ["a"]} | storage.pop("credentials", {})} | storage
+    credentials = {"namespaces": ["a"], **storage.get("credentials", {})}
+    values = {"storage": storage | {"credentials": credentials}}
     found = {
         f"{kind}/{name}"
         for kind in ("PersistentVolumeClaim", "Secret")
-        for name, obj in of_kind(rendered({"storage": storage}), kind).items()
+        for name, obj in of_kind(rendered(values), kind).items()
         if obj["metadata"].get("annotations", {}).get("helm.sh/resource-policy") == "keep"
     }
     assert found == kept

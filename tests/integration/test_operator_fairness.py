@@ -114,7 +114,7 @@ def test_a_small_campaign_waits_for_no_heavy_one_of_another_namespace(
 
     took = [times(f"small-{number}") for number in range(3)]
     waiting = [name for name in names if not accepted(fake_cluster, others, name)]
-    own, usual = map(max, zip(*took, strict=True))
+    own, usual = max(one for one, _ in took), max(one for _, one in took)
     assert own < SOON + SLOWER * usual, took
     assert waiting, "they were not heavy enough for this test"
 

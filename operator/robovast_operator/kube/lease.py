@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 import time
 from collections.abc import Mapping
 from math import inf
@@ -58,6 +59,9 @@ _FORBIDDEN = (
     "the Role robovast-operator-lease in the namespace {space}. Restore both with `helm "
     "upgrade`, or ask your cluster administrator."
 )
+
+_SPACE = re.compile("[a-z0-9-]{1,63}")
+"""Name of a namespace: users may write anything into the annotation."""
 
 ACCOUNT = "robovast-operator"
 """Name of the operator's ServiceAccount, which the chart sets."""
@@ -232,7 +236,10 @@ class Leadership:
     def _common(self, lease: Object) -> str | None:
         """A namespace in which both work; empty if that may be any, None if there is none."""
         given = text(mapping(lease["metadata"].get("annotations")).get(SCOPE))
-        own, others = set(self._settings.namespaces), {name for name in given.split(",") if name}
+        own, others = (
+            set(self._settings.namespaces),
+            set(filter(_SPACE.fullmatch, given.split(","))),
+        )
         if not others:
             return ""
         return min(own & others if own else others, default=None)
@@ -268,7 +275,7 @@ class Leadership:
         if isinstance(error, ApiError) and error.code == 403:
             space = self._settings.lease_namespace
             return _FORBIDDEN.format(space=space, error=error)
-        return f"The Lease {NAME} cannot be claimed: {error or type(error).__name__}."
+        return f"The Lease {NAME} cannot be claimed: {str(error) or type(error).__name__}."
 
     def _report_rival(self, space: str | None) -> None:
         found = "" if space is None else _RIVAL.format(space=space)

@@ -57,8 +57,10 @@ def read(kubeconfig: Path, arguments: Sequence[str]) -> dict[str, Any] | None:
     )
     query = urlencode({QUERIES[name]: value for name, value in options.items()})
     found = server.ask(f"{path}?{query}")
-    for item in (found or {}).get("items", ()):
-        item |= {"apiVersion": found["apiVersion"], "kind": found["kind"].removesuffix("List")}
+    if found is not None:
+        shown = {"apiVersion": found["apiVersion"], "kind": found["kind"].removesuffix("List")}
+        for item in found.get("items", ()):
+            item.update(shown)
     return found
 
 

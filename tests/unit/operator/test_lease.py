@@ -242,7 +242,7 @@ def test_a_replica_of_the_leading_installation_comes_before_another_installation
     asyncio.run(asyncio.wait_for(hand_over(), PATIENCE))
 
 
-SCOPES = ["", "x", "y,x", "elsewhere", None, 5]
+SCOPES = ["", "x", "y,x", "elsewhere", None, 5, "\n/../,%" + "x" * 70]
 
 
 @pytest.mark.parametrize("own", [(), ("x", "y")])
@@ -254,7 +254,7 @@ def test_a_lease_of_a_user_blocks_no_operator(
     """A user renews it without end; its account has no rights where the operator works."""
     server: Any = Server()
     server.operators = operators
-    settings = replace(SETTINGS, namespaces=own, lease_seconds=0.3)
+    settings = replace(SETTINGS, namespaces=own, lease_seconds=3)
     leadership = Leadership(server, settings)
 
     async def lead() -> None:
@@ -293,7 +293,7 @@ def test_the_lease_of_an_operator_with_its_rights_counts(
     server: Any = Server()
     server.operators = operators
     server.leases["team"] = foreign_lease(scope)
-    leadership = Leadership(server, replace(SETTINGS, namespaces=own, lease_seconds=0.3))
+    leadership = Leadership(server, replace(SETTINGS, namespaces=own, lease_seconds=3))
 
     async def ask() -> None:
         keeping = asyncio.create_task(leadership.keep())
@@ -313,7 +313,7 @@ def test_a_missing_permission_is_a_reason_not_to_be_ready(verb: str) -> None:
     server.operators = set()
     if verb == "update":
         server.leases[OWN] = {"metadata": {"namespace": OWN, "name": "robovast-operator"}}
-    leadership = Leadership(server, replace(SETTINGS, lease_seconds=0.3))
+    leadership = Leadership(server, replace(SETTINGS, lease_seconds=3))
 
     async def ask() -> str:
         keeping = asyncio.create_task(leadership.keep())
