@@ -98,8 +98,9 @@ def narrow(fake_cluster: Cluster) -> Iterator[str]:
     objects = rendered(values, namespace=NARROW)
     kinds = {"ServiceAccount", "Role", "RoleBinding", "ClusterRole", "ClusterRoleBinding"}
     (role,) = (obj for obj in objects if obj["kind"] == "ClusterRole")
-    (rule,) = role["rules"]
-    assert (rule["resourceNames"], rule["verbs"]) == (["robovast-operator"], ["list"])
+    leases, reviews = role["rules"]
+    assert (leases["resourceNames"], leases["verbs"]) == (["robovast-operator"], ["list"])
+    assert (reviews["resources"], reviews["verbs"]) == (["subjectaccessreviews"], ["create"])
     for obj in (obj for obj in objects if obj["kind"] in kinds):
         obj["metadata"].setdefault("namespace", NARROW)
         fake_cluster.apply(obj)

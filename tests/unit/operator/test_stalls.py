@@ -407,7 +407,7 @@ STEPS: dict[str, tuple[Any, dict[str, int]]] = {
 """What happens to the pod of an index: its phase and containers, and the counts of its Job."""
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     steps=st.lists(
         st.tuples(st.sampled_from(sorted(STEPS)), st.sampled_from([1, 20, 70])), max_size=25
