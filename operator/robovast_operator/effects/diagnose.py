@@ -214,7 +214,7 @@ class Diagnosis:
         if wait > 0:
             return wait
         known.diagnosed = time.monotonic()
-        found = None
+        found: Trouble | None = None
         for job in waiting:
             found = found or await self._look_at_pods(known, job, at_work=at_work)
         known.trouble = found

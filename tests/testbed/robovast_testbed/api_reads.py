@@ -59,8 +59,9 @@ def read(kubeconfig: Path, arguments: Sequence[str]) -> dict[str, Any] | None:
     found = server.ask(f"{path}?{query}")
     if found is not None:
         shown = {"apiVersion": found["apiVersion"], "kind": found["kind"].removesuffix("List")}
-        for item in found.get("items", ()):
+        for item in found.get("items", [found]):
             item.update(shown)
+            item["metadata"].pop("managedFields", None)
     return found
 
 
