@@ -41,6 +41,7 @@ def read(kubeconfig: Path, arguments: Sequence[str]) -> dict[str, Any] | None:
     if (
         kind not in PLACES
         or len(words) > 2
+        or not space
         or not options.keys() <= QUERIES.keys()
         or not all(options.values())
     ):
