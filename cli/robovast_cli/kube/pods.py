@@ -79,6 +79,12 @@ def _reasons(pod: Json) -> Iterator[str]:
         running = "running" in (container.get("state") or {})
         if running and container["name"] in ("compat-version", FETCH, AGENT):
             yield f"is being prepared by its container {container['name']}"
+    spec = (pod.get("spec") or {}).get("initContainers") or ()
+    sidecars = {c["name"] for c in spec if c.get("restartPolicy") == "Always"}
+    for container in (pod.get("status") or {}).get("initContainerStatuses") or ():
+        ready = container["name"] in sidecars and container.get("started")
+        if "running" in (container.get("state") or {}) and not ready:
+            yield f"waits for its container {container['name']}"
 
 
 def _statuses(pod: Json) -> Iterator[Json]:

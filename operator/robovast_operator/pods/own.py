@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from copy import deepcopy
 from datetime import datetime, timedelta
 
 from robovast.kubeapi.pod_contract.exit_codes import VERDICTS
 from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH
+from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE
 from robovast_operator.kube.lenient import mapping, mappings, number, text, time
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
@@ -15,13 +16,13 @@ from robovast_operator.kube.times import parse_time
 CONTAINERS_ANNOTATION = "robovast.io/containers"
 """Annotation of a pod: the names of its containers as we asked for them."""
 
-MAIN = frozenset(
-    {AGENT, "compose", "propose", "finish", "process", "purge", "notify", "share"},
-)
-"""Names of our containers whose end is the end of a pod's work."""
+COMPAT = "compat-version"
+"""Name of our container that checks the image of the runs."""
 
-OWN = MAIN | {"compat-version", FETCH}
-"""Names of our own containers: how they end is no result of a run."""
+OWN = frozenset(
+    {AGENT, COMPAT, FETCH, "compose", "propose", "finish", "process", "purge", "notify", "share"}
+)
+"""Names of our own containers in all kinds of pods."""
 
 LEAVE = timedelta(seconds=10)
 """How long other containers may continue after our container has ended."""
@@ -56,21 +57,31 @@ def containers_of(pod: Object) -> Iterator[Object]:
     yield from status.get("containerStatuses") or ()
 
 
+def main_container(pod: Object) -> str:
+    """Return the name of our container whose end is the end of the pod's work.
+
+    A run's other containers and those that admission adds have names that we do not choose.
+    """
+    role = text(mapping(pod["metadata"].get("labels")).get(ROLE_LABEL))
+    return AGENT if role in {SHARD_ROLE, ""} else role
+
+
+def is_own(pod: Object, container: str) -> bool:
+    """Whether a container of a pod is ours: how it ends is no result of a run."""
+    return container in {main_container(pod), COMPAT}
+
+
 def ending_of(pod: Object, container: str) -> Object:
     """How a container ended; empty when it has not."""
-    return _end_of(pod, (container,))
+    for status in containers_of(pod):
+        if status["name"] == container:
+            return mapping(mapping(status.get("state")).get("terminated"))
+    return {}
 
 
 def main_ending(pod: Object) -> Object:
     """How our container ended whose end is the end of the pod's work; empty if it has not."""
-    return _end_of(pod, MAIN)
-
-
-def _end_of(pod: Object, names: Collection[str]) -> Object:
-    for status in containers_of(pod):
-        if status["name"] in names:
-            return mapping(mapping(status.get("state")).get("terminated"))
-    return {}
+    return ending_of(pod, main_container(pod))
 
 
 def has_verdict(pod: Object) -> bool:

@@ -17,12 +17,13 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.own import (
-    OWN,
+    COMPAT,
     blocking,
     containers_of,
     ending_of,
     foreign_names,
     has_verdict,
+    is_own,
     lingers,
 )
 
@@ -168,7 +169,7 @@ def _ending(pod: Object, container: Object, ended: Object) -> Trouble | None:
     told = error_in(ended.get("message") or "")
     if ended.get("reason") in NEVER_STARTED:
         return Trouble("Container", f"the container {name} cannot start: {told}")
-    if name not in OWN:
+    if not is_own(pod, name):
         return None
     if code in _EXITS:
         reason = _EXITS[code]
@@ -180,7 +181,7 @@ def _ending(pod: Object, container: Object, ended: Object) -> Trouble | None:
     if code in _ORDINARY:
         return None
     said = f"exit {code}" + (f": {told}" if told else "")
-    if name == "compat-version":
+    if name == COMPAT:
         image = container.get("image", "")
         hint = "Is it built for the architecture of the node, and has it a shell?"
         return Trouble("Container", f"the image {image} cannot be executed ({said}). {hint}")
@@ -199,7 +200,7 @@ def _waiting_message(pod: Object, container: Object, waiting: Object) -> str:
         image = (
             f"the image {assets} of `execution.kubernetes.assets`"
             if assets
-            else f"{_whose(name)} {container.get('image', '')}"
+            else f"{_whose(pod, name)} {container.get('image', '')}"
         )
         return (
             f"{image} cannot be pulled ({waiting['reason']}): {told.rstrip('. ')}. Check its name, "
@@ -208,9 +209,10 @@ def _waiting_message(pod: Object, container: Object, waiting: Object) -> str:
     return f"the container {name} cannot start ({waiting['reason']}): {told}"
 
 
-def _whose(container: str) -> str:
+def _whose(pod: Object, container: str) -> str:
     """Whose image the image of a container is, for people."""
-    return f"the image of {'RoboVAST' if container in OWN - {'compat-version'} else 'the runs'}"
+    ours = is_own(pod, container) and container != COMPAT
+    return f"the image of {'RoboVAST' if ours else 'the runs'}"
 
 
 def _mounted_images(pod: Object) -> Iterator[str]:
@@ -241,7 +243,7 @@ def memory_limit(pod: Object, container: str) -> str:
     note = text(mapping(pod["metadata"].get("annotations")).get("kubernetes.io/limit-ranger"))
     if re.search(rf"memory[^;]* limit for container {re.escape(container)}(;|$)", note):
         origin = "set by a LimitRange of the namespace, because nothing else sets one"
-    elif container in OWN:
+    elif is_own(pod, container):
         origin = "set by `agent.resources` and `agent.taskResources` of the Helm chart"
     else:
         origin = "set by `resources` in the .vast file"

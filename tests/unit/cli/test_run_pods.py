@@ -42,8 +42,9 @@ def pod(started: bool, agent: Any, run: Any, **before: Any) -> Any:
             pod(False, NOT_YET, NOT_YET, compat_version=DONE, fetch=RUNNING),
             "by its container fetch",
         ),
+        (pod(False, NOT_YET, NOT_YET, istio_init=RUNNING), "waits for its container istio-init"),
     ],
-    ids=["version", "agent", "image", "earlier operator"],
+    ids=["version", "agent", "image", "earlier operator", "added"],
 )
 def test_a_pod_that_is_not_prepared_says_by_whom(pod: Any, told: str) -> None:
     assert not is_prepared(pod)

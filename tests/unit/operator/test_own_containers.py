@@ -60,6 +60,7 @@ def pod(
     initial: dict[str, dict[str, Any]] | None = None,
     index: int = 0,
     own: tuple[str, ...] = OURS,
+    role: str = "shard",
     **more: Any,
 ) -> Any:
     initial = initial or {}
@@ -69,6 +70,7 @@ def pod(
                 "namespace": "lab",
                 "name": f"drive-0-{index}",
                 "creationTimestamp": format_time(NOW),
+                "labels": {"robovast.io/role": role},
                 "annotations": {
                     "batch.kubernetes.io/job-completion-index": str(index),
                     CONTAINERS_ANNOTATION: " ".join(own),
@@ -192,6 +194,27 @@ def test_an_agent_may_store_while_an_added_container_waits_for_its_image() -> No
     assert may_store(pod("Pending", {"agent": running(), "istio-proxy": waits}), NOW)
 
 
+NAMES = st.sampled_from(["finish", "share", "notify", "process", "compose", "istio-proxy"])
+
+
+@given(NAMES, NAMES, st.sampled_from([running(), ended(0), ended(65), ended(137)]))
+def test_the_names_of_other_containers_decide_nothing(
+    second: str, mesh: str, state: dict[str, Any]
+) -> None:
+    """A run's second container and an added one may have the names of our tasks."""
+    own = (*OURS, second)
+    at_work = {"agent": running(), "robovast": running(), f"{mesh}-2": running(), mesh: state}
+    found = pod("Running", at_work, {second: state}, own=own)
+    assert not is_to_be_ended(found, NOW + timedelta(days=1))
+    assert [told.reason for told in troubles_of(found)] == []
+    task = pod("Running", {"finish": running(), "agent": state}, own=("finish",), role="finish")
+    assert not is_to_be_ended(task, NOW + timedelta(days=1))
+    stored = {"agent": ended(0, message=PASSED), "robovast": ended(0), f"{mesh}-2": running()}
+    over = pod("Running", stored, {second: state}, own=own)
+    assert is_to_be_ended(over, NOW + timedelta(days=1))
+    assert reports_of([over])[0].stored
+
+
 def test_a_pod_of_ours_alone_is_never_ended() -> None:
     found = pod("Running", {"agent": ended(0), "robovast": running()})
     assert not is_to_be_ended(found, NOW + timedelta(days=1))
@@ -282,13 +305,13 @@ def test_a_stored_run_counts_while_its_pod_stays() -> None:
 @pytest.mark.parametrize("role", ["compose", "propose", "finish", "process", "purge", "share"])
 def test_a_task_is_complete_when_our_container_has_ended_well(role: str) -> None:
     own = (role,)
-    done = pod("Running", {role: ended(0, now()), "mesh": running()}, own=own)
+    done = pod("Running", {role: ended(0, now()), "mesh": running()}, own=own, role=role)
     found, _ = judged(FakeApi([done]), job(role, 1))
     assert found.finished == "Complete"
     lost = job(role, 1, finished="Failed", reason="PodFailurePolicy", active=0)
-    ended_pod = pod("Failed", {role: ended(0), "mesh": ended(137)}, own=own)
+    ended_pod = pod("Failed", {role: ended(0), "mesh": ended(137)}, own=own, role=role)
     assert judged(FakeApi([ended_pod]), lost)[0].finished == "Complete"
-    bad = pod("Failed", {role: ended(65), "mesh": ended(0)}, own=own)
+    bad = pod("Failed", {role: ended(65), "mesh": ended(0)}, own=own, role=role)
     assert judged(FakeApi([bad]), lost)[0].finished == "Failed"
 
 
