@@ -12,6 +12,7 @@ from pathlib import Path
 from robovast_testbed import containerd, gobuild, outages, scratch
 from robovast_testbed.kubernetes import Manifest
 from support.campaigns.local import make_campaign
+from support.kube.admission import END, container, enforce, patch, policy
 from support.kube.held_runs import HELD, release
 from support.kube.lab import QUICK, SYSTEM, Lab
 from support.patience import PATIENCE, eventually
@@ -63,46 +64,11 @@ def test_images_that_the_node_cannot_execute_are_told(lab: Lab, tmp_path: Path) 
     assert "architecture" in told
 
 
-def shrink_agent(lab: Lab) -> Iterator[Manifest]:
-    """Give the container `agent` of the namespace's pods less memory than it needs."""
-    name, group = f"small-agent-{lab.namespace}", "admissionregistration.k8s.io/v1"
-    amounts = [f"/spec/containers/0/resources/{kind}/memory" for kind in ("limits", "requests")]
-    patches = ", ".join(f'JSONPatch{{op: "replace", path: "{p}", value: "24Mi"}}' for p in amounts)
-    yield {
-        "apiVersion": group,
-        "kind": "MutatingAdmissionPolicy",
-        "metadata": {"name": name},
-        "spec": {
-            "failurePolicy": "Fail",
-            "reinvocationPolicy": "Never",
-            "matchConstraints": {
-                "namespaceSelector": {
-                    "matchLabels": {"kubernetes.io/metadata.name": lab.namespace}
-                },
-                "objectSelector": {"matchLabels": {"robovast.io/role": "shard"}},
-                "resourceRules": [
-                    {
-                        "apiGroups": [""],
-                        "apiVersions": ["v1"],
-                        "operations": ["CREATE"],
-                        "resources": ["pods"],
-                    }
-                ],
-            },
-            "mutations": [{"patchType": "JSONPatch", "jsonPatch": {"expression": f"[{patches}]"}}],
-        },
-    }
-    yield {
-        "apiVersion": group,
-        "kind": "MutatingAdmissionPolicyBinding",
-        "metadata": {"name": name},
-        "spec": {"policyName": name},
-    }
-
-
 def test_a_container_of_ours_that_lacks_memory_is_told(lab: Lab) -> None:
     """Whenever the policy begins to hold: no later pod comes to its run."""
-    lab.cluster.apply(*shrink_agent(lab))
+    paths = [f"/spec/containers/0/resources/{kind}/memory" for kind in ("limits", "requests")]
+    shrink = [patch("replace", path, "24Mi") for path in paths]
+    lab.cluster.apply(*policy(f"policy-{lab.namespace}", [lab.namespace], *shrink, role="shard"))
     lab.quick("small", "true\n", "  runs: 20\n", parallelism=2)
     told = wait_stalled(lab, "small", "OutOfMemory")
     assert "agent" in told
@@ -213,15 +179,85 @@ def test_a_pod_that_outgrows_its_disk_is_evicted_and_that_is_told(lab: Lab) -> N
     assert "32Mi" in told
 
 
-def test_a_run_that_needs_too_much_memory_says_so(lab: Lab) -> None:
+def test_a_run_that_needs_too_much_memory_costs_no_other_of_its_pack_and_says_so(
+    lab: Lab,
+) -> None:
     """Whether the kernel kills its container, or only the process that is too large."""
     take = 'python3 -c "a = bytearray(2 ** 30); input()"'
-    lab.quick("greedy", f'[ "$1" != 2 ] || {take}\n', "  resources: {memory: 300Mi}\n")
+    script = f'echo begun >"$3/begun"\n[ "$1" != 2 ] || {take}\n'
+    lab.quick("greedy", script, "  runs_per_job: 3\n  resources: {memory: 300Mi}\n")
     lab.wait("greedy")
-    records = {
-        path.parent.parent.name: json.loads(path.read_text())
-        for path in lab.download("greedy").glob("*/*/run.json")
-    }
+    home = lab.download("greedy")
+    verdicts = lab.verdicts(home)
+    assert verdicts == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
+    reason = json.loads((home / "one-2/0/run.json").read_text())["reason"]
     told = "SIGKILL: out of memory|killed a process of its job for lack of memory"
-    assert re.search(told, records["one-2"]["reason"]), records["one-2"]
-    assert {records[name]["verdict"] for name in ("one-1", "one-3")} == {"passed"}
+    assert re.search(told, reason), reason
+    assert (home / "one-2/0/begun").read_text() == "begun\n"
+    assert (home / "one-2/0/job/logs/system.log").exists()
+    assert lab.campaign("greedy")["status"]["erroredRuns"] == "1"
+
+
+BEHAVIORS = {"0": END, "1": "exit 1", "2": END, "3": "sleep 3"}
+"""What a container executes that admission adds, by index of the pod: it never ends, fails, never
+becomes ready, or ends."""
+
+
+def mesh(*blocking: str) -> list[str]:
+    """What an administrator adds to each pod, with init containers that block it."""
+    index = 'object.metadata.labels[?"batch.kubernetes.io/job-completion-index"].orValue("0")'
+    script = f"={json.dumps(BEHAVIORS)}[{index}]"
+    never = {"exec": {"command": [f'={index} == "2" ? "false" : "true"']}}
+    added = [patch("add", "/spec/containers/-", container("proxy", script, readinessProbe=never))]
+    first = [container(name, END) for name in blocking]
+    return [*added, *(patch("add", "/spec/initContainers/0", one) for one in first)]
+
+
+def full_quota(namespace: str) -> Iterator[Manifest]:
+    """A quota of everything, with a LimitRange, in a namespace of restricted pods."""
+    amounts = {"cpu": "6", "memory": "12Gi", "ephemeral-storage": "20Gi"}
+    hard = {f"{kind}.{k}": v for kind in ("requests", "limits") for k, v in amounts.items()}
+    bounds = {
+        "type": "Container",
+        "min": {"cpu": "10m", "memory": "16Mi"},
+        "max": {"cpu": "1", "memory": "2Gi"},
+        "default": {"cpu": "200m", "memory": "256Mi", "ephemeral-storage": "500Mi"},
+        "defaultRequest": {"cpu": "10m", "memory": "64Mi", "ephemeral-storage": "10Mi"},
+        "maxLimitRequestRatio": {"cpu": "50", "memory": "8"},
+    }
+    for kind, spec in (
+        ("ResourceQuota", {"hard": {**hard, "pods": "6", "count/jobs.batch": "1"}}),
+        ("LimitRange", {"limits": [bounds]}),
+    ):
+        metadata = {"name": "bounds", "namespace": namespace}
+        yield {"apiVersion": "v1", "kind": kind, "metadata": metadata, "spec": spec}
+
+
+def test_a_campaign_finishes_with_added_containers_where_everything_is_limited(lab: Lab) -> None:
+    """Each run once, whatever the added containers do; one that blocks pods is named."""
+    lab.cluster.kubectl(
+        *("label", "namespace", lab.namespace, "pod-security.kubernetes.io/enforce=restricted")
+    )
+    lab.cluster.apply(*full_quota(lab.namespace))
+    enforce(lab, "blocker", *mesh("blocker"), role="shard")
+    document = QUICK.replace("[1, 2, 3]", "[1, 2]")
+    path = make_campaign(lab.folder / "meshed", "echo here\n", "  runs: 2\n", document)
+    lab.apply(path, "meshed")
+    told = wait_stalled(lab, "meshed", "ForeignContainer")
+    assert "The container blocker in the pod meshed-" in told
+    assert "not part of the campaign" in told
+    shown = lab.vast("exec", "cluster", "runs", "meshed", "-n", lab.namespace).stdout
+    assert "blocker" in shown
+    enforce(lab, "-blocker", *mesh())
+    lab.kubectl("delete", "pods", "--all", "--wait=false")
+    lab.wait("meshed")
+    status = lab.campaign("meshed")["status"]
+    assert (status["progress"], status["runs"]["passed"]) == ("4/4", 4)
+    home = lab.download("meshed")
+    assert set(lab.verdicts(home).values()) == {"passed"}
+    logs = [path.read_text() for path in home.glob("_jobs/*/logs/system.log")]
+    assert "".join(logs).count("Executing scenario") == 4, "no run is repeated"
+    records = [json.loads(path.read_text()) for path in home.glob("*/*/run.json")]
+    assert all("sha256:" in record["image_digest"] for record in records)
+    shown = lab.vast("exec", "cluster", "runs", "meshed", "-n", lab.namespace).stdout
+    assert "4 of 4 done: 4 passed" in shown

@@ -4,14 +4,18 @@ repaired by who did it."""
 from __future__ import annotations
 
 import json
+import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from random import Random
-from typing import Any, TypeVar
+from tempfile import TemporaryFile
+from typing import IO, Any, TypeVar
 
 from robovast_testbed import clocks, outages
 from robovast_testbed.errors import StartFailed
@@ -27,6 +31,7 @@ from robovast.kubeapi.resources import (
     UID_LABEL,
 )
 from support.gauntlet.verdict import JUMP, Excuse
+from support.kube.admission import END, container, patch, policy
 from support.kube.lab import SYSTEM
 
 T = TypeVar("T")
@@ -386,6 +391,54 @@ def _junk(
     }
 
 
+MESH = {"never ends": END, "fails": "sleep 1; exit 1", "ends": "sleep 1"}
+"""What an added container executes."""
+
+
+def inject_sidecar(arena: Arena, chance: Random) -> None:
+    """Admission adds a container to each new pod of campaigns."""
+    script = MESH[chance.choice(sorted(MESH))]
+    added = patch("add", "/spec/containers/-", container("proxy", script))
+    objects = policy("gauntlet-mesh", arena.namespaces, added)
+    arena.cluster.apply(*objects)
+    try:
+        _soon(lambda: [pod for pod in _running(arena) if _has_container(pod, "proxy")])
+        time.sleep(chance.uniform(3, 15))
+    finally:
+        for obj in objects:
+            arena.cluster.kubectl("delete", obj["kind"], obj["metadata"]["name"])
+
+
+def _has_container(pod: dict[str, Any], name: str) -> bool:
+    return any(found["name"] == name for found in pod["spec"]["containers"])
+
+
+def add_operator(arena: Arena, chance: Random) -> None:
+    """A second installation works in the same namespaces, with the same settings."""
+    deployment: Any = arena.cluster.get("deployment", "robovast-operator", f"--namespace={SYSTEM}")
+    (first,) = deployment["spec"]["template"]["spec"]["containers"]
+    given = {one["name"]: one.get("value", "") for one in first["env"] if "valueFrom" not in one}
+    own = {"POD_NAMESPACE": "default", "POD_NAME": "second", "ROBOVAST_PORT": "0"}
+    with TemporaryFile("w+") as log:
+        second = subprocess.Popen(
+            [sys.executable, "-m", "robovast_operator"],
+            env={**os.environ, **arena.cluster.env, **given, **own},
+            stderr=log,
+        )
+        try:
+            _soon(lambda: _lines(log))
+            time.sleep(chance.uniform(3, 15))
+        finally:
+            second.kill()
+            second.wait()
+
+
+def _lines(log: IO[str]) -> list[str]:
+    """What an operator reports of another one, or of itself."""
+    log.seek(0)
+    return [line for line in log if "Another RoboVAST operator" in line or " leads" in line]
+
+
 FAULTS: dict[str, Do] = {
     "operator killed": kill_operator,
     "operator's pod lost": replace_operator,
@@ -415,5 +468,7 @@ FAULTS: dict[str, Do] = {
     "agent's clock an hour ahead": shift_clock(_is_agent, JUMP),
     "agent's clock an hour behind": shift_clock(_is_agent, -JUMP),
     "malformed objects": spread_junk,
+    "injected sidecar": inject_sidecar,
+    "second operator with the same scope": add_operator,
 }
 """What each does, by name."""

@@ -110,13 +110,6 @@ def kueue_cluster(cluster: kubernetes.Cluster) -> kubernetes.Cluster:
 
 
 @pytest.fixture(scope="session", params=sorted(s3.MAKES))
-def cluster_s3(request: pytest.FixtureRequest, cluster: kubernetes.Cluster) -> s3.Server:
-    """An object store that pods of the real cluster reach; once with each make."""
-    with skipped_when_unavailable():
-        return s3.start(cluster.bed, request.param)
-
-
-@pytest.fixture(scope="session", params=sorted(s3.MAKES))
 def s3_server(request: pytest.FixtureRequest) -> Iterator[s3.Server]:
     """An object store; a test that asks for it runs once with each make."""
     with _session(f"s3-{request.param}") as own:
