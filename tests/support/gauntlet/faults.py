@@ -399,14 +399,13 @@ def inject_sidecar(arena: Arena, chance: Random) -> None:
     """Admission adds a container to each new pod of campaigns."""
     script = MESH[chance.choice(sorted(MESH))]
     added = patch("add", "/spec/containers/-", container("proxy", script))
-    objects = policy("gauntlet-mesh", arena.namespaces, added)
-    arena.cluster.apply(*objects)
+    arena.cluster.apply(*policy("gauntlet", arena.namespaces, added))
     try:
         _soon(lambda: [pod for pod in _running(arena) if _has_container(pod, "proxy")])
         time.sleep(chance.uniform(3, 15))
     finally:
-        for obj in objects:
-            arena.cluster.kubectl("delete", obj["kind"], obj["metadata"]["name"])
+        kinds = "mutatingadmissionpolicybindings,mutatingadmissionpolicies"
+        arena.cluster.kubectl("delete", kinds, "gauntlet")
 
 
 def _has_container(pod: dict[str, Any], name: str) -> bool:

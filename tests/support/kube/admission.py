@@ -59,12 +59,9 @@ def policy(name: str, namespaces: Sequence[str], *patches: str, role: str = "") 
         patches: what is done to each.
         role: of the pods (default: all pods of campaigns).
     """
-    operator = "In" if role else "Exists"
-    chosen = {
-        "key": "robovast.io/role",
-        "operator": operator,
-        **({"values": [role]} if role else {}),
-    }
+    chosen: dict[str, Any] = {"key": "robovast.io/role", "operator": "Exists"}
+    if role:
+        chosen |= {"operator": "In", "values": [role]}
     spaces = {
         "key": "kubernetes.io/metadata.name",
         "operator": "In",
