@@ -68,7 +68,7 @@ def main_container(pod: Object) -> str:
 
 def is_own(pod: Object, container: str) -> bool:
     """Whether a container of a pod is ours: how it ends is no result of a run."""
-    return container in {main_container(pod), COMPAT}
+    return container in {main_container(pod), COMPAT, FETCH}
 
 
 def ending_of(pod: Object, container: str) -> Object:

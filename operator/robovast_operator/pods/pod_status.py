@@ -150,7 +150,7 @@ def _foreign_troubles(pod: Object) -> Iterator[Trouble]:
         yield Trouble("ForeignContainer", told)
     if left := lingers(pod):
         who = f"The container {left[0]} in the pod {name} is not part of the campaign"
-        told = f"{who}, and keeps the pod alive although the runs of the pod have ended. {remedy}"
+        told = f"{who}, and keeps the pod alive although the work of the pod is done. {remedy}"
         yield Trouble("ForeignContainer", told)
 
 

@@ -24,7 +24,8 @@ from robovast_operator.pods.verdicts import Report
 
 def pod(index: int, *statuses: dict[str, Any], created: str = "2026-01-01T00:00:00Z") -> Any:
     annotations = {"batch.kubernetes.io/job-completion-index": str(index)}
-    metadata = {"annotations": annotations, "creationTimestamp": created}
+    labels = {"robovast.io/role": statuses[0]["name"]} if statuses else {}
+    metadata = {"annotations": annotations, "labels": labels, "creationTimestamp": created}
     return shaped({"metadata": metadata, "status": {"containerStatuses": list(statuses)}})
 
 
