@@ -63,9 +63,12 @@ def test_no_line_leads_from_one_episode_to_the_next(lengths: list[int]) -> None:
 
 def test_of_a_large_table_few_rows_are_read(root: Path) -> None:
     rows = "".join(f"map,{i},{i},{i},0\nbase_link,{i},{i / 10},{-i / 10},0\n" for i in range(9999))
-    write(root / "hall-1" / "0" / "poses.csv", HEAD + rows + "map,9,9,9,0\nbase_link,9,nan,9,0\n")
+    write(
+        root / "hall-1" / "0" / "poses.csv",
+        HEAD + rows + "map,9999,9,9,0\nbase_link,9999,nan,9,0\n",
+    )
     with (root / "hall-1" / "0" / "poses.csv").open("a") as file:
-        file.write("base_link,9,999.9,-999.9,0\n")
+        file.write("base_link,9999,999.9,-999.9,0\n")
     ((_, way),) = configuration_maps(root.parent, NAME, ["hall-1"]).configurations[0].ways
     assert 20 < len(way) <= 60  # every second row is another frame's
     assert way == sorted(way) == [(x, -x) for x, _ in way]
