@@ -7,19 +7,24 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import shutil
 import tarfile
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
+from robovast_testbed.s3 import Server
 from support.campaigns.finished import NAME, finished_campaign
-from support.faults.killing import begin_dying, deaths
+from support.faults.killing import states
 
 from robovast.base.errors import InputError
 from robovast.campaign.finding import find_campaigns
+from robovast.campaign.imported import is_imported
+from robovast.storage.download import Silent, download_campaign
+from robovast.storage.endpoint import Credentials, Endpoint
+from robovast.storage.s3 import ObjectStore
 from robovast_cli.main import command
 
 SHARE = """
@@ -36,6 +41,7 @@ class Share(BaseShareProvider):
     def download_archive(self, name, dest, progress=None, offset=0):
         shutil.copy(ARCHIVE, dest)
 """
+RUNS = ("c-1/0", "c-1/1", "c-2/0", "c-2/1")
 OWN = {"tables.duckdb", "data.db", "campaign.db"}
 """Files whose bytes are not the same twice."""
 
@@ -51,7 +57,6 @@ def sources(tmp_path: Path) -> Path:
     with tarfile.open(sources / f"{NAME}.tar.gz", "w:gz") as archive:
         archive.add(campaign, NAME)
     (sources / "share.py").write_text(SHARE.format(archive=str(sources / f"{NAME}.tar.gz")))
-    (sources / ".env").write_text("ROBOVAST_SHARE_TYPE=share.py:Share\n")
     return sources
 
 
@@ -62,6 +67,10 @@ def vast(*words: str) -> int:
         except SystemExit as end:
             return int(end.code or 0)
     raise AssertionError(said.getvalue())
+
+
+def succeed(*words: str) -> None:
+    assert vast(*words) == 0
 
 
 def tree(folder: Path) -> dict[str, bytes]:
@@ -86,8 +95,7 @@ def imported(sources: Path, place: Path) -> tuple[str, ...]:
 
 
 def downloaded(sources: Path, place: Path) -> tuple[str, ...]:
-    for name in ("share.py", ".env"):
-        shutil.copy(sources / name, place)
+    shutil.copy(sources / "share.py", place)
     return "results", "download", "--from", "share", "-o", str(place / "results")
 
 
@@ -103,36 +111,59 @@ def test_a_campaign_appears_complete_or_not_at_all(
     monkeypatch: pytest.MonkeyPatch,
     words: Callable[[Path, Path], tuple[str, ...]],
 ) -> None:
+    monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "share.py:Share")
     whole = tmp_path / "whole"
     whole.mkdir()
     given = words(sources, whole)
     monkeypatch.chdir(whole)
-    assert vast(*given) == 0
+    copies = list(states(tmp_path / "states", whole, lambda: succeed(*given)))
     (campaign,) = campaigns(whole / "results")
     expected = tree(campaign)
     assert len([path for path in expected if path.endswith("run.json")]) in (4, 6)
-
-    def act(place: Path) -> None:
-        given = words(sources, place)
-        os.chdir(place)
-        begin_dying()
-        assert vast(*given) == 0
-
     appeared = []
-    for number, place in deaths(tmp_path / "places", act, every=3):
-        results = place / "results"
-        found = campaigns(results)
+    for number, place in enumerate(copies):
+        found = campaigns(place / "results")
         appeared.append(len(found))
-        for path in found:
-            assert tree(path) == expected
-        if not number % 15:
+        assert all(tree(path) == expected for path in found)
+        if not number % 12 or place == copies[-1]:
             monkeypatch.chdir(place)
             again = vast(*words(sources, place))
             assert again == 0 or (again == 5 and found), number
-            (path,) = campaigns(results)
+            (path,) = campaigns(place / "results")
             assert tree(path) == expected
     assert appeared == sorted(appeared)
-    assert appeared[0] == 0
+    assert (appeared[0], appeared[-1]) == (0, 1)
+
+
+def test_runs_of_a_bucket_appear_complete_or_not_at_all(
+    s3_server: Server, tmp_path: Path, sources: Path
+) -> None:
+    def connected() -> ObjectStore:
+        keys = Credentials(s3_server.access_key, s3_server.secret_key)
+        return ObjectStore(Endpoint.parse(f"http://{s3_server.endpoint}"), keys, patience=20)
+
+    store, bucket = connected(), f"killed-{uuid4().hex[:12]}"
+    store.make_bucket(bucket)
+    for name, content in tree(sources / "results" / NAME).items():
+        if not name.startswith("_jobs") and "/job/" not in name:
+            store.put_bytes(bucket, name, content)
+    whole = tmp_path / "whole" / NAME
+    whole.mkdir(parents=True)
+
+    def download(target: Path) -> None:
+        download_campaign(connected(), bucket, target, Silent(), imported=True)
+
+    copies = list(states(tmp_path / "states", whole, lambda: download(whole)))
+    expected = tree(whole)
+    runs = {run: tree(whole / run) for run in RUNS}
+    assert len(copies) > 10
+    for number, place in enumerate(copies):
+        for run, files in runs.items():
+            assert not (place / run).exists() or tree(place / run) == files, number
+        assert is_imported(place) or not (place / "_config").exists()
+        if not number % 12:
+            download(place)
+            assert tree(place) == expected
 
 
 def test_tables_are_complete_after_postprocessing_was_killed(
@@ -145,22 +176,18 @@ def test_tables_are_complete_after_postprocessing_was_killed(
         said = capfd.readouterr().out
         return json.loads(said) if command_code == 0 else None
 
-    def act(place: Path) -> None:
-        shutil.copytree(sources / "results" / NAME, place / "results" / NAME)
-        begin_dying()
-        assert vast("results", "postprocess", "-r", str(place / "results")) == 0
-
     whole = tmp_path / "whole"
-    shutil.copytree(sources / "results" / NAME, whole / "results" / NAME)
-    assert vast("results", "postprocess", "-r", str(whole / "results")) == 0
-    expected, answer = set(tree(whole / "results")), counted(whole / "results")
+    shutil.copytree(sources / "results" / NAME, whole / NAME, symlinks=True)
+    words = ("results", "postprocess", "-r")
+    copies = list(states(tmp_path / "states", whole, lambda: succeed(*words, str(whole))))
+    expected, answer = set(tree(whole)), counted(whole)
     assert answer == [{"n": 4}]
-    for number, place in deaths(tmp_path / "places", act, every=11):
-        assert counted(place / "results") in (None, answer), number
-        if not number % 55:
-            assert vast("results", "postprocess", "-r", str(place / "results")) == 0
-            assert counted(place / "results") == answer
-            assert set(tree(place / "results")) == expected
+    for number, results in enumerate(copies):
+        assert counted(results) in (None, answer), number
+        if not number % 12:
+            succeed(*words, str(results))
+            assert counted(results) == answer
+            assert set(tree(results)) == expected
 
 
 def _printed(*words: str) -> int:
