@@ -6,13 +6,14 @@ import ast
 import re
 import sys
 import tomllib
+from collections.abc import Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
 from support.campaigns.finished import NAME, finished_campaign
 from support.command_tree import leaves
-from support.core_only import ROOT, core_site, vast_with_core
+from support.core_only import ROOT, CoreVast, core_site
 
 from robovast.base.optional_deps import EXTRAS
 
@@ -80,6 +81,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return core_site(tmp_path_factory.mktemp("core") / "site")
 
 
+@pytest.fixture(scope="module")
+def core(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[CoreVast]:
+    core = CoreVast(site, tmp_path_factory.mktemp("output"))
+    yield core
+    core.close()
+
+
 @pytest.fixture
 def place(tmp_path: Path) -> Path:
     finished_campaign(tmp_path / "results", 2)
@@ -91,9 +99,9 @@ def place(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("path", leaves())
-def test_a_command_works_or_names_its_extra(path: str, site: Path, place: Path) -> None:
+def test_a_command_works_or_names_its_extra(path: str, core: CoreVast, place: Path) -> None:
     results = ("-V", "c.vast") if path.startswith(("config", "exec")) else ()
-    outcome = vast_with_core(site, *results, *path.split(), *WORDS.get(path, ()), cwd=place)
+    outcome = core.run(*results, *path.split(), *WORDS.get(path, ()), cwd=place)
     assert outcome.returncode not in (1, 70), outcome.stderr
     assert "Traceback" not in outcome.stderr
     if "not installed" in outcome.stderr or path in NEEDED:

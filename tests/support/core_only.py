@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
@@ -30,16 +31,51 @@ def core_site(folder: Path) -> Path:
     return folder
 
 
-def vast_with_core(site: Path, *arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run `vast` with the packages of a folder alone."""
-    program = (
-        f"import sys; sys.path.append({str(site)!r}); from robovast_cli.entry import main; main()"
-    )
-    return subprocess.run(
-        [sys.executable, "-S", "-I", "-c", program, *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+class CoreVast:
+    """`vast` with the packages of a folder alone: each command is a fork of one process."""
+
+    def __init__(self, site: Path, folder: Path) -> None:
+        """Start the process; `folder` receives the output of commands."""
+        self._output = [folder / "stdout", folder / "stderr"]
+        self._process = subprocess.Popen(
+            [sys.executable, "-S", "-I", "-c", _PROGRAM, site, *self._output],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def run(self, *words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+        """Run a command for at most 120 s."""
+        assert self._process.stdin
+        assert self._process.stdout
+        print(json.dumps([str(cwd), *map(str, words)]), file=self._process.stdin, flush=True)
+        code = int(self._process.stdout.readline())
+        out, err = (path.read_text() for path in self._output)
+        return subprocess.CompletedProcess(words, code, out, err)
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.communicate(timeout=10)
+
+
+_PROGRAM = """
+import json, os, signal, sys
+site, *output = sys.argv[1:]
+sys.path.append(site)
+from robovast_cli.entry import main
+import robovast_cli.main
+for line in sys.stdin:
+    cwd, *words = json.loads(line)
+    child = os.fork()
+    if not child:
+        signal.alarm(120)
+        os.chdir(cwd)
+        for number, path in enumerate([os.devnull, *output]):
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC if number else os.O_RDONLY
+            os.dup2(os.open(path, flags), number)
+        sys.stdin = open(os.devnull)
+        sys.argv = ["vast", *words]
+        main()
+        sys.exit()
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
