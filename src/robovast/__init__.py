@@ -1,6 +1,6 @@
 """RoboVAST: vary a scenario, execute all variants, and find out what failed, where and why.
 
-This is the API for scripts; docs/scripting.md has examples.
+This is the API for scripts; docs/how-to/scripting.md has examples.
 
 ```
 load_document(path)          a checked .vast document

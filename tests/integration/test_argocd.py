@@ -1,4 +1,4 @@
-"""Campaigns that Argo CD syncs from Git, by the page docs/argocd.md; the nodes are fake."""
+"""Campaigns that Argo CD syncs from Git, by the page docs/how-to/argocd.md; the nodes are fake."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from support.kube.operator_process import (
 from support.patience import PATIENCE, eventually
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs/argocd.md"
+PAGE = ROOT / "docs/how-to/argocd.md"
 CUSTOMIZATIONS = ROOT / "helm/robovast/files/argocd/argocd-cm.yaml"
 
 

@@ -178,8 +178,10 @@ def test_the_operator_reads_the_limits_of_pods_that_the_values_state(
 
 
 DOCS = CHART.parents[1] / "docs"
-PAGE = (DOCS / "cluster-admin.md").read_text()
-PAGES = PAGE + (DOCS / "cluster-requirements.md").read_text()
+NAMES = ("how-to/install-on-kubernetes", "how-to/quotas", "how-to/multikueue", "how-to/operate")
+NAMES += ("reference/cluster-security", "reference/monitoring", "reference/sizing")
+PAGE = "\n".join((DOCS / f"{name}.md").read_text() for name in NAMES)
+PAGES = PAGE + (DOCS / "reference/cluster-requirements.md").read_text()
 
 
 @pytest.mark.parametrize("block", re.findall(r"```yaml\n(?!apiVersion)(.*?)```", PAGES, re.DOTALL))

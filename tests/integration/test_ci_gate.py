@@ -81,7 +81,10 @@ def test_each_input_of_the_action_is_used_and_each_used_one_exists() -> None:
 
 
 def test_the_pages_workflow_and_pipeline_name_what_is_there() -> None:
-    blocks = [parse_yaml(block.encode()) for block in code_blocks("docs/confidence.md", "yaml")]
+    blocks = [
+        parse_yaml(block.encode())
+        for block in code_blocks("docs/how-to/compare-campaigns.md", "yaml")
+    ]
     workflow, pipeline = (
         next(block for block in blocks if key in block) for key in ("jobs", "include")
     )

@@ -237,7 +237,7 @@ def test_a_rollback_to_a_chart_that_knows_both_goes_on_and_to_one_that_does_not_
 def test_after_a_rollback_kubectl_asks_in_vain_until_it_reads_the_kinds_anew(
     redefinable: Redefined,
 ) -> None:
-    """As docs/cluster-admin.md says, with its remedy; the older version is found by its name."""
+    """As docs/how-to/operate.md says, with its remedy; the older version is found by its name."""
     listing = ("get", "campaigns", "--output=name")
     assert "there" in redefinable.kubectl(*listing)
     remembered = redefinable.cache.rename(redefinable.cache.with_name("remembered"))

@@ -1,4 +1,4 @@
-"""The script on docs/scripting.md runs from its first line to its last."""
+"""The script on docs/how-to/scripting.md runs from its first line to its last."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from support.pages import ROOT, code_blocks
 
 def test_the_page_of_scripts_runs_as_it_stands_there(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "configs/examples/growth_sim", tmp_path, dirs_exist_ok=True)
-    blocks = code_blocks("docs/scripting.md", "python")
+    blocks = code_blocks("docs/how-to/scripting.md", "python")
     assert len(blocks) == 3
     (tmp_path / "script.py").write_text("\n".join(blocks), encoding="utf-8")
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""docs/first-robot.md does what it says, from a copy of the repository."""
+"""docs/tutorials/first-robot.md does what it says, from a copy of the repository."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 from robovast_testbed import cache
 from support.pages import ROOT, code_blocks
 
-PAGE = "docs/first-robot.md"
+PAGE = "docs/tutorials/first-robot.md"
 NEEDED = ("configs/examples/robot_navigation", "container/slim", "requirements", "scripts", "src")
 
 

@@ -80,7 +80,7 @@ def test_the_readme_of_the_example_leads_from_a_drive_to_its_results(
     """Its commands as they stand there, with fewer drives; containers are for other tests."""
     blocks = code_blocks("configs/examples/robot_navigation/README.md", "bash")
     start, first, asked, containers, camera = blocks
-    assert start.startswith("scripts/example --robot ")  # docs/first-robot.md, too
+    assert start.startswith("scripts/example --robot ")  # docs/tutorials/first-robot.md, too
     assert containers.startswith("container/build.sh ")  # test_robot_in_containers.py
     for name in ("configs", "scripts", "container", "src"):
         (tmp_path / name).symlink_to(ROOT / name)
@@ -109,8 +109,8 @@ def test_the_readme_of_the_example_leads_from_a_drive_to_its_results(
 
 
 def test_the_way_from_a_grid_to_a_failure_map(ros_environment: str, tmp_path: Path) -> None:
-    """Every command of docs/search.md about this example, with fewer drives."""
-    (block,) = [b for b in code_blocks("docs/search.md", "bash") if "configs/examples" in b]
+    """Every command of docs/how-to/search.md about this example, with fewer drives."""
+    (block,) = [b for b in code_blocks("docs/how-to/search.md", "bash") if "configs/examples" in b]
     folder = tmp_path / "configs" / "examples" / "robot_navigation"
     shutil.copytree(NAVIGATION.parent, folder)
     path = folder / "failure_map.vast"

@@ -42,8 +42,8 @@ def vast(*words: str | Path, folder: Path | None = None) -> subprocess.Completed
 
 
 def page_commands() -> list[list[str]]:
-    """What docs/confidence.md types about runs as needed, without `vast`."""
-    blocks = code_blocks("docs/confidence.md", "bash")
+    """What docs/how-to/sample-size.md types about runs as needed, without `vast`."""
+    blocks = code_blocks("docs/how-to/sample-size.md", "bash")
     block = next(block for block in blocks if "vast config list" in block)
     return [shlex.split(line, comments=True)[1:] for line in block.splitlines()]
 

@@ -1,4 +1,4 @@
-"""What docs/search.md teaches works as it stands there."""
+"""What docs/how-to/search.md teaches works as it stands there."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robovast.execution.local import LocalOptions
 from robovast.model.document import load_document
 from robovast.search.local import SearchSummary, execute_document
 
-PAGE = "docs/search.md"
+PAGE = "docs/how-to/search.md"
 
 
 @pytest.fixture

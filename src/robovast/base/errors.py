@@ -16,7 +16,7 @@ _USERINFO = re.compile(r"://[^/?#\s]*@")
 
 
 class ExitCode(IntEnum):
-    """Exit codes of `vast` (documented in docs/cli.md)."""
+    """Exit codes of `vast` (documented in docs/reference/exit-codes.md)."""
 
     OK = 0
     TEST_FAILED = 1

@@ -10,7 +10,7 @@ from robovast.model.naming import (
 )
 
 COMPAT_VERSION = 2
-"""Version of the contract between this program and a run image (docs/run-contract.md)."""
+"""Version of the interface to run images (docs/reference/container-interface.md)."""
 
 __all__ = [
     "COMPAT_VERSION",

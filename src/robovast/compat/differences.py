@@ -1,4 +1,4 @@
-"""Finds the differences from the existing tool that affect a .vast file (docs/coming-from.md)."""
+"""Find differences from the original RoboVAST in a .vast file (docs/how-to/migrate.md)."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Any
 
 
 class BasePostprocessingPlugin(ABC):
-    """A postprocessing command as a class; functions work, too (docs/postprocessing.md)."""
+    """A postprocessing command as a class (docs/reference/postprocessing.md)."""
 
     @abstractmethod
     def __call__(self, results_dir: str, config_dir: str, **kwargs: Any) -> Sequence[Any]:

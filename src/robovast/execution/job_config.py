@@ -76,7 +76,7 @@ def job_environment(
     scenario_options: str,
     user: Mapping[str, str],
 ) -> dict[str, str]:
-    """The environment of the run contract (docs/run-contract.md).
+    """The environment of the run contract (docs/reference/container-interface.md).
 
     Args:
         job: the job.

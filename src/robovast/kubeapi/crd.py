@@ -4,7 +4,8 @@ A structural schema can say less than JSON Schema: no references, one type at ea
 a value may be of several kinds, any is let through here and the operator says what is wrong.
 
 Both versions have one schema, so that the API server converts by the name alone. The older one is
-stored, so that a rollback to definitions that serve no other finds every object (docs/api.md).
+stored, so that a rollback to definitions that serve no other finds every object
+(docs/reference/api-policy.md).
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ UID_DIGITS = 10
 
 BUNDLES_BUCKET = "robovast-bundles"
 REUSE_BUCKET = "robovast-reuse"
-"""Where runs are stored, by key (docs/agent.md, "Reused runs")."""
+"""Where runs are stored, by key (docs/contributing/agent.md, "Reused runs")."""
 
 
 def campaign_id(metadata: object, name: str, created: datetime) -> str:

@@ -128,7 +128,7 @@ def with_kueue(own: bed.Bed) -> Cluster:
     return made
 
 
-def documented(page: str = (ROOT / "docs/cluster-admin.md").read_text()) -> list[Any]:
+def documented(page: str = (ROOT / "docs/how-to/multikueue.md").read_text()) -> list[Any]:
     """The objects by which the admin's page leads a queue to the worker `south`."""
     (block,) = re.findall(r"```yaml\n(apiVersion: kueue.*?)```", page, re.DOTALL)
     return list(yaml.safe_load_all(block))

@@ -79,7 +79,7 @@ def test_pairs_that_were_run_those_that_failed_and_holes(tmp_path, capsys) -> No
 def test_the_page_shows_what_is_printed(tmp_path, capsys) -> None:
     document = DOCUMENT.replace("{kind: random, count: 6, seed: 1}", "{kind: lhs, count: 12}")
     _, text = said([stored(tmp_path, document), "--worst", "3"], capsys)
-    assert text in (ROOT / "docs/confidence.md").read_text(encoding="utf-8")
+    assert text in (ROOT / "docs/how-to/combination-designs.md").read_text(encoding="utf-8")
 
 
 def test_the_worst_pair_comes_first(tmp_path, capsys) -> None:

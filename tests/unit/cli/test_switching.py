@@ -1,4 +1,4 @@
-"""What people type who come from the existing tool; docs/coming-from.md says what differs."""
+"""What people type who come from the existing tool; docs/how-to/migrate.md says what differs."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_the_page_of_the_agent_lists_its_exit_codes_and_which_are_useless_to_repeat() -> None:
-    page = (ROOT / "docs/agent.md").read_text()
+    page = (ROOT / "docs/contributing/agent.md").read_text()
     rows = re.findall(r"^\| (\d+) \|.*\| ([^|]*)\|$", page, re.M)
     assert {int(code) for code, _ in rows} == set(AgentExit)
     assert {int(c) for c, again in rows if again.startswith("no") and int(c) >= 64} == set(USELESS)

@@ -45,7 +45,7 @@ def test_chart_package_and_images_are_of_one_version() -> None:
 
 
 def test_manifests_of_the_pages_and_of_the_notes_have_the_version_that_stays() -> None:
-    pages = [*(ROOT / "docs").glob("*.md"), CHART / "templates/NOTES.txt"]
+    pages = [*(ROOT / "docs").rglob("*.md"), CHART / "templates/NOTES.txt"]
     lines = [line for page in pages for line in page.read_text().splitlines()]
     stated = {line.strip() for line in lines if line.strip().startswith("apiVersion: robovast.io/")}
     assert stated == {f"apiVersion: robovast.io/{NEXT_VERSION}"}

@@ -203,7 +203,7 @@ def test_wrong_files(expanded, plans: Path, files, reason: str) -> None:
 
 
 def test_the_examples_of_the_documentation_are_sound(expanded, plans: Path) -> None:
-    text = (Path(__file__).parents[3] / "docs" / "navigation.md").read_text()
+    text = (Path(__file__).parents[3] / "docs/reference/navigation.md").read_text()
     model, varied = re.findall(r"```\n((?:// creator|import)(?:.|\n)*?)```", text)
     (plans / "flat.fpm").write_text(model)
     (plans / "flat.variation").write_text(varied)

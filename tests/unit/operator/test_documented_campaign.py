@@ -1,23 +1,24 @@
-"""What docs/kubernetes.md shows of a Campaign is what the operator takes."""
+"""What the pages show of a Campaign is what the operator takes."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from itertools import chain
 
 import yaml
 from support.kube.fake_cluster import SETTINGS
+from support.pages import code_blocks
 
 from robovast.kubeapi.resources import ConfigurationSpec
 from robovast.kubeapi.source_files import inline_files
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted
 
-PAGE = Path(__file__).parents[3] / "docs" / "kubernetes.md"
+PAGES = ("kubectl", "pod-settings", "notifications", "upload-results")
 
 
 def test_the_documented_campaign_is_accepted_and_has_four_runs() -> None:
-    blocks = PAGE.read_text(encoding="utf-8").split("```yaml\n")[1:]
-    shown = [yaml.safe_load(block.partition("```")[0]) for block in blocks]
+    blocks = [code_blocks(f"docs/how-to/{page}.md", "yaml") for page in PAGES]
+    shown = [yaml.safe_load(block) for block in chain(*blocks)]
     obj, _source, adding, needing, placed, reading, notifying, sharing = shown
     obj["spec"] |= {**placed["spec"], **notifying["spec"], **sharing["spec"]}
     kubernetes = {**needing["execution"]["kubernetes"], **reading["execution"]["kubernetes"]}

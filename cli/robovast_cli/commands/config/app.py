@@ -46,8 +46,9 @@ def gui(ctx: typer.Context, debug: Annotated[bool, typer.Option("--debug")] = Fa
     from robovast_cli.ui.listing import print_configurations
 
     typer.echo(
-        "note: configurations are edited in your own editor, which `vast config schema` teaches "
-        "the keys (docs/cli.md); `vast config view OUT` draws them. This is `vast config list`.",
+        "note: `vast` has no editor for configurations. Use your own editor with the schema of "
+        "`vast config schema`; `vast config view OUT` draws configurations. This is the output of "
+        "`vast config list`.",
         err=True,
     )
     print_configurations(ctx.obj.document(), "table", internal=debug)

@@ -148,7 +148,7 @@ def run(
     """Run a campaign, or continue one, and say how it ended.
 
     Exit code 0: every run passed; 1: a test failed; 4: a run ended without a verdict, none
-    failed; 130: interrupted. `docs/cli.md` lists all.
+    failed; 130: interrupted. docs/reference/exit-codes.md lists all.
     """
     from robovast.execution.local.events import LocalOptions
     from robovast_cli.ui import campaign

@@ -109,4 +109,6 @@ def _outcome(summary: CampaignSummary) -> str:
 def print_commands() -> None:
     """Print all installed commands; errors are shown for those that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
-    typer.echo("\nA command in a file is written `<path>.py:<name>`; docs/postprocessing.md.")
+    typer.echo(
+        "\nA command in a file is written `<path>.py:<name>`; docs/reference/postprocessing.md."
+    )

@@ -56,7 +56,7 @@ def publish_campaigns(results: Path, choice: Choice) -> ExitCode:
 def print_plugins() -> None:
     """Print all installed plugins; errors are shown for those that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
-    typer.echo("\nA plugin in a file is written `<path>.py:<name>`; docs/publication.md.")
+    typer.echo("\nA plugin in a file is written `<path>.py:<name>`; docs/how-to/publish.md.")
 
 
 def _postprocess(campaigns: list[Path], choice: Choice) -> ExitCode:

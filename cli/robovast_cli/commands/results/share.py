@@ -33,7 +33,7 @@ def list_share(
     """List the campaigns on the share, and which of them exist here.
 
     The share is described by ROBOVAST_SHARE_TYPE and the variables of its kind, in the
-    environment or a `.env` file in this folder or above; docs/publication.md has them all.
+    environment or a `.env` file in this folder or above; docs/how-to/publish.md has them all.
     """
     from robovast.storage.shares.campaigns import open_share
     from robovast_cli.ui.table import format_table

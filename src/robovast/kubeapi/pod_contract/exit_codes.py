@@ -11,7 +11,7 @@ from robovast.storage.bucket_ownership import OtherOwnerError
 
 
 class AgentExit(IntEnum):
-    """Exit codes (docs/agent.md)."""
+    """Exit codes (docs/contributing/agent.md)."""
 
     PASSED = 0
     """Everything is done, and every run of the pod passed."""

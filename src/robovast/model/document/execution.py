@@ -48,7 +48,7 @@ CONTRACT_ENVIRONMENT = frozenset(
         "SIMULATION",
     }
 )
-"""Variables that the run contract sets (docs/run-contract.md); a document's values are ignored."""
+"""Variables of docs/reference/container-interface.md; the values of a document are ignored."""
 
 
 Quantity = int | float | str
@@ -316,7 +316,7 @@ class Execution(Section):
     """How often each configuration is run; or `min`, `max` and `decide`: as often as it takes."""
     runs_per_job: RunsPerJob = 1
     """How many runs share one job (one simulator set-up); `auto`: as measured run times suggest
-    (docs/cli.md, Running a campaign)."""
+    (docs/how-to/run-locally.md)."""
     seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] | None = None
     """Seed of the campaign, from which each run's own follows; drawn at random when omitted."""
     timeout: Annotated[int, Field(ge=1)] | None = None
@@ -340,7 +340,8 @@ class Execution(Section):
     secondary_containers: list[Secondary] = Field(default_factory=list)
     """Containers that run beside the main one."""
     compare: list[ComparedOutput] | None = None
-    """Outputs that `vast replay` compares (docs/confidence.md); all CSV files when omitted."""
+    """Outputs that `vast replay` compares, see docs/how-to/reproduce-a-failure.md (default: all CSV
+    files)."""
     local: Local = Field(default_factory=Local)
     """Settings of local runs only."""
     kubernetes: Kubernetes = Field(default_factory=Kubernetes)

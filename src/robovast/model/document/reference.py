@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import types
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -81,7 +82,8 @@ _HEADER = ("| key | type | default | meaning |", "| --- | --- | --- | --- |")
 def reference_page() -> str:
     """The page in Markdown."""
     sections = [_INTRODUCTION, *_tables(Vast, "Top level", set()), _TYPES_NOTE, _PLUGIN_NOTE]
-    return "\n".join(sections)
+    page = "\n".join(sections)
+    return re.sub(r"docs/([\w-]+)/([\w-]+)\.md", r"[\2](../\1/\2.md)", page)
 
 
 def _tables(model: type[BaseModel], title: str, seen: set[type[BaseModel]]) -> Iterator[str]:

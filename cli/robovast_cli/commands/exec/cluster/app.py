@@ -143,7 +143,8 @@ def run(
     """Run a campaign on the cluster, follow it to its end, and say how it ended.
 
     Ctrl-C only ends the following. Exit code 0: every run passed; 1: a test failed; 4: a run
-    ended without a verdict, none failed; 130: no longer followed. `docs/cli.md` lists all.
+    ended without a verdict, none failed; 130: no longer followed. docs/reference/exit-codes.md
+    lists all.
     """
     from robovast.kubeapi.submission import SubmitOptions
     from robovast_cli.commands.exec.cluster import run as cluster_run
@@ -452,7 +453,7 @@ def upload_to_share(
 
     The cluster does it; Ctrl-C only ends the following. The share is described by
     ROBOVAST_SHARE_TYPE and the variables of its kind, in the environment or a `.env` file in this
-    folder or above; docs/publication.md has them all. What is on the share is not uploaded again.
+    folder or above; docs/how-to/publish.md lists them. Existing archives are kept.
     """
     from robovast_cli.commands.exec.cluster.share import How, upload_to_share
 
