@@ -4,7 +4,7 @@ Sets are made from those in the archive: moved at random, and along the line to 
 ("Iso+LineDD": Vassiliades and Mouret, Discovering the elite hypervolume by leveraging
 interspecies correlation, 2018), more often where the archive is sparse. It is our own, since `ribs`
 brings numba, pandas and scikit-learn, and keeps states that do not follow from what is stored;
-docs/explanation/benchmarks.md compares both.
+tests/bench/RESULTS.md compares both.
 """
 
 from __future__ import annotations
