@@ -27,7 +27,7 @@ class ProvContribution:
     scenario_properties: dict[Any, Any] = field(default_factory=dict)
     """Properties of the configuration's concrete scenario."""
     run_used_iris: list[Any] = field(default_factory=list)
-    """Values of `prov:used` for every run of the configuration."""
+    """IRIs that every run of the configuration uses, in the provenance graph."""
 
 
 @dataclass(frozen=True)
