@@ -85,7 +85,7 @@ def logs(lab: Lab) -> None:
     print(f"… of one that is stored: {spread(asked['stored'])}")
     follow = [VAST, "exec", "cluster", "logs", "--follow", "talk", "one-2/0", *where]
     print(f"a followed line comes late by {spread(late(lab, follow))}")
-    kubectl = [programs.kubelite(), "kubectl", "--namespace", lab.namespace, *of_pod, "--follow"]
+    kubectl = [programs.kubectl(), "--namespace", lab.namespace, *of_pod, "--follow"]
     print(f"… by kubectl: {spread(late(lab, kubectl))}", flush=True)
 
 

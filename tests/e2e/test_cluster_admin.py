@@ -55,7 +55,7 @@ def shell(installed: Cluster, tmp_path: Path) -> dict[str, str]:
     """The environment of an admin with kubectl, Helm and vast."""
     folder = tmp_path / "bin"
     folder.mkdir()
-    (folder / "kubectl").symlink_to(programs.kubelite())
+    (folder / "kubectl").symlink_to(programs.kubectl())
     (folder / "helm").symlink_to(gobuild.build(programs.HELM))
     (folder / "vast").symlink_to(VAST)
     return {**os.environ, **installed.env, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}

@@ -435,7 +435,7 @@ def test_the_page_in_the_cluster_shows_what_is_in_the_storage(lab: Lab) -> None:
     said = lab.cluster.kubectl(*system, "logs", "deployment/robovast-page", "--container", "page")
     found = re.search(r"http://\S+", said)
     assert found, said
-    kubectl = (programs.kubelite(), "kubectl", f"--kubeconfig={lab.cluster.kubeconfig}")
+    kubectl = (programs.kubectl(), f"--kubeconfig={lab.cluster.kubeconfig}")
     forward = subprocess.Popen(
         [*kubectl, *system, "port-forward", "deployment/robovast-page", ":8400"],
         stdout=subprocess.PIPE,

@@ -62,7 +62,7 @@ def _up_cluster(options: argparse.Namespace) -> None:
         if options.kwok:
             kwok.start(cluster, options.kwok, tainted=not options.control_plane)
         stores = [s3.start(kept, make) for make in options.s3]
-        tools = {"kubectl": programs.kubelite(), "helm": gobuild.build(programs.HELM)}
+        tools = {"kubectl": programs.kubectl(), "helm": gobuild.build(programs.HELM)}
         _print_exports(cluster.env | {"PATH": f"{_link(kept.folder / 'bin', tools)}:$PATH"})
     print(f"# in its namespaces: {' '.join(kept.inside)} COMMAND")
     for store in stores:

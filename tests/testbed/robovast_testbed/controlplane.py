@@ -131,7 +131,7 @@ def _write_kubeconfigs(cluster: Cluster, authority: pki.Authority) -> None:
 
 
 def _ready(cluster: Cluster) -> bool:
-    probe: list[str | Path] = [programs.kubelite(), "kubectl"]
+    probe: list[str | Path] = [programs.kubectl()]
     probe.append(f"--kubeconfig={cluster.kubeconfig}")
     probe += ["get", "--raw=/readyz"]
     answer = subprocess.run(probe, capture_output=True, check=False)

@@ -62,7 +62,7 @@ class Cluster:
 
     @property
     def _kubectl(self) -> tuple[str | Path, ...]:
-        return (programs.kubelite(), "kubectl", f"--kubeconfig={self.kubeconfig}")
+        return (programs.kubectl(), f"--kubeconfig={self.kubeconfig}")
 
     def apply(self, *objects: Manifest) -> None:
         """Create or change objects by server-side apply."""

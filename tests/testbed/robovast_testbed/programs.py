@@ -40,13 +40,22 @@ VERSITYGW = Program("versitygw", "github.com/versity/versitygw", "v1.8.0", "./cm
 
 
 def kubelite(version: str = KUBERNETES) -> Path:
-    """Return the executable that is etcd and every Kubernetes program; the first argument picks."""
+    """Return the executable that is etcd and all servers of Kubernetes; the first argument picks."""
+    if version == OLDEST_KUBERNETES:
+        return build_own("kubelite", _stamp(version), tags="controlplane", modfile="oldest.mod")
+    return build_own("kubelite", _stamp(version))
+
+
+def kubectl() -> Path:
+    """Return the executable of kubectl."""
+    return build_own("kubectl", _stamp(KUBERNETES), modfile="../kubelite/go.mod")
+
+
+def _stamp(version: str) -> str:
+    """The linker's flags that give a program its version."""
     major, minor, _ = version.split(".")
     stamps = {"gitVersion": f"v{version}", "gitMajor": major, "gitMinor": minor}
-    ldflags = " ".join(f"-X {_KUBERNETES_STAMP}.{k}={v}" for k, v in stamps.items())
-    if version == OLDEST_KUBERNETES:
-        return build_own("kubelite", ldflags, tags="controlplane", modfile="oldest.mod")
-    return build_own("kubelite", ldflags)
+    return " ".join(f"-X {_KUBERNETES_STAMP}.{k}={v}" for k, v in stamps.items())
 
 
 def spawn(
