@@ -35,7 +35,7 @@ from support.kube.requests import Requests  # noqa: E402
 from support.patience import eventually  # noqa: E402
 
 SPACE = "bench"
-GROUP = f"/apis/robovast.io/v1alpha1/namespaces/{SPACE}"
+GROUP = f"/apis/robovast.io/v1beta1/namespaces/{SPACE}"
 JOBS = f"/apis/batch/v1/namespaces/{SPACE}/jobs?labelSelector=robovast.io/campaign="
 LOOKS = 20
 
@@ -53,7 +53,7 @@ def addition(number: int) -> dict[str, Any]:
     """A Configuration of a thousand variants."""
     values = {"ParameterVariationList": {"name": "x", "values": list(range(1000))}}
     return {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Configuration",
         "metadata": {"name": f"more-{number}", "namespace": SPACE},
         "spec": {"campaign": "added", "variations": [values]},

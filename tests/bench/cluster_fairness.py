@@ -46,7 +46,7 @@ LIMIT = 500
 """Requests that the controller manager may make in a second."""
 IDLE = 20.0
 """How long finished campaigns are watched [s]."""
-GROUP = "/apis/robovast.io/v1alpha1"
+GROUP = "/apis/robovast.io/v1beta1"
 
 
 @dataclass

@@ -42,8 +42,6 @@ from support.kube.lab import (  # noqa: E402
 )
 from support.patience import eventually  # noqa: E402
 
-from robovast.kubeapi.resources import GROUP, NEXT_VERSION, VERSION  # noqa: E402
-
 PATIENCE = 900
 LINES = 60
 """How many followed lines are looked at."""
@@ -160,9 +158,8 @@ def events(lab: Lab, runs: int = 600) -> None:
 def replacement(lab: Lab, campaigns: int = 8, runs: int = 10) -> None:
     path = make_campaign(lab.folder / "held", "sleep 4\n", "", document(runs))
     names = [f"held-{index}" for index in range(campaigns)]
-    for index, name in enumerate(names):
-        version = (VERSION, NEXT_VERSION)[index % 2]
-        made = {**lab.prepared(path, name), "apiVersion": f"{GROUP}/{version}"}
+    for name in names:
+        made = lab.prepared(path, name)
         made["spec"] = {**made["spec"], "parallelism": 1}
         lab.kubectl("apply", "--filename=-", stdin=json.dumps(made))
     eventually(lambda: all(_stored(lab, name) for name in names), PATIENCE)

@@ -327,7 +327,7 @@ def test_configurations_show_entries_and_add_runs(lab: Lab) -> None:
     (own,) = lab.get("configurations")["items"]
     assert own["spec"]["name"] == "one"
     added = {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Configuration",
         "metadata": {"name": "extra", "namespace": lab.namespace},
         "spec": {"campaign": "more", "parameters": [{"x": 7}], "runs": 2},

@@ -19,13 +19,6 @@ import yaml
 from robovast_testbed import argocd, bed, controlplane
 from robovast_testbed.argocd import ArgoCd
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
-from support.kube.definitions import (
-    NEWER,
-    OLDER,
-    as_version,
-    of_chart_0_1_0,
-    redefined,
-)
 from support.kube.operator_process import (
     FINISH_STAGE,
     OperatorProcess,
@@ -153,7 +146,7 @@ class Team:
         """Use an action of a campaign as soon as it is offered."""
         resource = {
             "group": "robovast.io",
-            "version": NEWER,
+            "version": "v1beta1",
             "kind": "Campaign",
             "namespace": self.name,
             "resourceName": campaign,
@@ -193,7 +186,7 @@ def judged(kind: str, status: dict[str, Any], **spec: Any) -> tuple[str, str]:
         for name, truth in found.items()
     ]
     obj = {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": kind,
         "metadata": {"name": "any", "namespace": "any", "generation": 2},
         "spec": spec,
@@ -278,56 +271,6 @@ def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> N
     team.shows("broken", "Healthy")
     team.becomes("Synced", "Healthy")
     assert status(team.argo.cluster, team.name, "broken")["attempt"] == 2
-
-
-def test_another_version_in_git_is_the_same_campaign(team: Team) -> None:
-    """`hello` is in the newer one on the page; the actions and the health are those of both."""
-    hello = documented("hello")
-    team.commit(hello=as_version(hello, OLDER))
-    team.shows("hello", "Healthy")
-    team.becomes("Synced", "Healthy")
-    jobs, before = team.jobs(), status(team.argo.cluster, team.name, "hello")
-    hello["spec"]["acceptance"] = {"minPassRatio": "0.5"}
-    team.commit(hello=as_version(hello, NEWER))
-    eventually(lambda: "needed: a share of 0.5" in team.health("hello").get("message", ""), 60)
-    team.becomes("Synced", "Healthy")
-    team.commit(hello=as_version(hello, OLDER))
-    team.becomes("Synced", "Healthy")
-    assert (team.jobs(), status(team.argo.cluster, team.name, "hello")["runs"]) == (
-        jobs, before["runs"],
-    )  # fmt: skip
-
-
-def test_a_rollback_of_the_definitions_prunes_nothing_and_the_next_upgrade_heals(
-    team: Team, tmp_path: Path
-) -> None:
-    """Of two files, Argo CD says that it cannot take the one in the newer version, and why."""
-    hello, many = documented("hello"), campaign("many", team.name, 10, 10)
-    team.commit(hello=as_version(hello, NEWER), many=as_version(many, OLDER))
-    for name in ("hello", "many"):
-        team.shows(name, "Healthy", 120)
-    team.becomes("Synced", "Healthy")
-    jobs = team.jobs()
-
-    def trouble() -> str:
-        """What Argo CD says when it compares, or when it syncs: whichever it does first."""
-        found = team.argo.application(team.name, refresh=True)["status"]
-        synced = (found.get("operationState") or {}).get("syncResult") or {}
-        failed = [r for r in synced.get("resources") or [] if r.get("status") == "SyncFailed"]
-        errors = [c for c in found.get("conditions") or [] if c["type"] == "ComparisonError"]
-        return " ".join(f"{r.get('name')}: {r['message']}" for r in [*errors, *failed])
-
-    with redefined(team.argo.cluster, tmp_path) as cluster:
-        cluster.define(of_chart_0_1_0())
-        told = eventually(trouble, 120)
-        assert "hello" in told
-        assert "could not find" in told
-        assert "many" not in told
-        kept: Any = cluster.get("campaigns", f"--namespace={team.name}")
-        assert [item["metadata"]["name"] for item in kept["items"]] == ["hello", "many"]
-    team.argo.application(team.name, refresh=True)
-    team.becomes("Synced", "Healthy", 300)
-    assert team.jobs() == jobs, "no campaign was removed or made anew"
 
 
 def test_what_a_click_changes_is_not_healed(team: Team) -> None:

@@ -437,7 +437,7 @@ def test_what_the_api_server_refuses_has_a_line_for_each_field(
     document = yaml.safe_load(GROWTH.read_text())
     document["execution"]["timeout"] = "many"
     campaign = {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Campaign",
         "metadata": {"name": "bad"},
         "spec": {"vast": document, "parallelism": 0},
@@ -517,7 +517,7 @@ def test_a_cluster_without_robovast_says_how_to_install_it(
 ) -> None:
     from robovast_cli.kube import api as kubernetes
 
-    monkeypatch.setattr(kubernetes, "API_VERSION", "elsewhere.robovast.io/v1alpha1")
+    monkeypatch.setattr(kubernetes, "API_VERSION", "elsewhere.robovast.io/v1beta1")
     outcome = vast("monitor", "--once")
     assert outcome.code == 3
     assert "vast exec cluster setup" in outcome.err

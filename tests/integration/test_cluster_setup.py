@@ -60,7 +60,7 @@ def test_setup_installs_the_chart_and_cleanup_removes_it(
         cluster_setup.setup("rke2", IDLE, None, namespace, force=False)
 
     campaign = {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Campaign",
         "metadata": {"name": "waiting", "namespace": namespace},
         "spec": {"vast": {"version": 1, "execution": {"scenario_file": "a.osc"}}},

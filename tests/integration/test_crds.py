@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,24 +12,12 @@ from hypothesis import strategies as st
 from robovast_testbed.errors import StartFailed
 from robovast_testbed.kubernetes import Cluster
 from support.kube.chart import of_kind, rendered
-from support.kube.definitions import (
-    CRDS,
-    NEWER,
-    OLDER,
-    VERSIONS,
-    Redefined,
-    as_version,
-    await_definitions,
-    now,
-    of_chart_0_1_0,
-    of_one_version,
-    read,
-    redefined,
-)
+from support.kube.definitions import CRDS, await_definitions
 from support.kube.operator_process import campaign
 from support.patience import eventually
 
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
+from robovast.kubeapi.resources import API_VERSION
 
 
 @pytest.fixture(scope="module")
@@ -44,17 +31,16 @@ def server(control_plane: Cluster) -> Cluster:
     return control_plane
 
 
-def change(server: Cluster, version: str, spec: dict[str, Any]) -> str:
-    """What is said to a change of the Campaign in a version; empty when it is taken."""
-    patch, kind = json.dumps({"spec": spec}), f"campaigns.{version}.robovast.io"
+def change(server: Cluster, spec: dict[str, Any]) -> str:
+    """What is said to a change of the Campaign; empty when it is taken."""
+    patch = json.dumps({"spec": spec})
     try:
-        server.kubectl("patch", kind, "there", "--type=merge", f"--patch={patch}")
+        server.kubectl("patch", "campaign", "there", "--type=merge", f"--patch={patch}")
     except StartFailed as refusal:
         return str(refusal)
     return ""
 
 
-@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(
     ("spec", "said"),
     [
@@ -71,12 +57,11 @@ def change(server: Cluster, version: str, spec: dict[str, Any]) -> str:
     ],
 )
 def test_a_change_that_cannot_be_is_refused_with_its_reason(
-    server: Cluster, version: str, spec: dict[str, Any], said: str
+    server: Cluster, spec: dict[str, Any], said: str
 ) -> None:
-    assert said in change(server, version, spec)
+    assert said in change(server, spec)
 
 
-@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(
     "spec",
     [
@@ -87,21 +72,14 @@ def test_a_change_that_cannot_be_is_refused_with_its_reason(
         {"scheduling": {"nodeAffinity": {"preferred": [{"key": "fast", "operator": "Exists"}]}}},
     ],
 )
-def test_what_may_change_does(server: Cluster, version: str, spec: dict[str, Any]) -> None:
-    assert change(server, version, spec) == ""
-
-
-@pytest.fixture
-def redefinable(server: Cluster, tmp_path: Path) -> Iterator[Redefined]:
-    """The cluster as this chart makes it, and in the end again."""
-    with redefined(server, tmp_path) as made:
-        yield made
+def test_what_may_change_does(server: Cluster, spec: dict[str, Any]) -> None:
+    assert change(server, spec) == ""
 
 
 def tell(server: Cluster, name: str) -> None:
     """Write a status as the operator does."""
     metadata = {"name": name, "namespace": "default"}
-    said = {"apiVersion": f"robovast.io/{OLDER}", "kind": "Campaign", "metadata": metadata}
+    said = {"apiVersion": API_VERSION, "kind": "Campaign", "metadata": metadata}
     server.kubectl(
         *("apply", "--server-side", "--force-conflicts", "--subresource=status"),
         *("--field-manager=robovast-operator", "--filename=-"),
@@ -109,74 +87,31 @@ def tell(server: Cluster, name: str) -> None:
     )
 
 
-@pytest.mark.parametrize(("one", "other"), [(OLDER, NEWER), (NEWER, OLDER)])
-def test_what_was_written_as_one_version_is_read_and_changed_as_the_other(
-    server: Cluster, one: str, other: str
-) -> None:
-    """By `kubectl apply` of either kind, as from Git, and with the same rules."""
-    name = f"as-{one}"
-    made = as_version(campaign(name, "default", 2, 3), one)
-    server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-    tell(server, name)
-    assert read(server, one, "default", name) == read(server, other, "default", name)
-    made = as_version(made, other)
-    made["spec"] = {**made["spec"], "parallelism": 7}
-    server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-    server.kubectl("apply", "--server-side", "--force-conflicts", "-f", "-", stdin=json.dumps(made))
-    assert read(server, one, "default", name)["spec"]["parallelism"] == 7
-    made["spec"] = {**made["spec"], "image": "another"}
-    with pytest.raises(StartFailed, match="`image` cannot be changed"):
-        server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-    definition: Any = server.get("crd", "campaigns.robovast.io")
-    assert definition["status"]["storedVersions"] == [OLDER]
-
-
-@pytest.mark.parametrize(("one", "other"), [(OLDER, NEWER), (NEWER, OLDER)])
-def test_a_field_that_leaves_git_together_with_the_version_leaves_the_object(
-    server: Cluster, one: str, other: str
-) -> None:
-    """A tool that applies is the same one in either version, so its fields stay its own."""
+def test_a_field_that_leaves_git_leaves_the_object(server: Cluster) -> None:
     apply = ("apply", "--server-side", "--field-manager=tool", "--filename=-")
-    made = campaign(f"from-{one}", "default", 2, 3)
+    made = campaign("from-git", "default", 2, 3)
     with_field = {**made, "spec": {**made["spec"], "queueName": "q"}}
-    server.kubectl(*apply, stdin=json.dumps(as_version(with_field, one)))
-    server.kubectl(*apply, stdin=json.dumps(as_version(made, other)))
-    found = read(server, one, "default", f"from-{one}")
+    server.kubectl(*apply, stdin=json.dumps(with_field))
+    server.kubectl(*apply, stdin=json.dumps(made))
+    found: Any = server.get("campaign", "from-git")
     assert "queueName" not in found["spec"]
-    assert [(m["manager"], m["apiVersion"]) for m in found["metadata"]["managedFields"]] == [
-        ("tool", f"robovast.io/{other}")
-    ]
 
 
-def test_kubectl_shows_the_newer_version_and_the_older_one_when_asked(
-    server: Cluster, tmp_path: Path
+def test_an_object_is_listed_waited_for_edited_and_deleted(
+    server: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shown = ("get", "campaign", "there", "--output=jsonpath={.apiVersion}")
-    assert server.kubectl(*shown) == f"robovast.io/{NEWER}"
-    older = ("get", f"campaigns.{OLDER}.robovast.io", "there", shown[-1])
-    assert server.kubectl(*older) == f"robovast.io/{OLDER}"
-    assert f"VERSION:    {NEWER}" in server.kubectl("explain", "campaign")
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_an_object_of_either_version_is_listed_waited_for_edited_and_deleted(
-    server: Cluster, version: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    name = f"used-{version}"
+    name = "used"
     made = [campaign(name, "default", 2, 3, queueName=name), addition(name, name)]
     for obj in made:
-        server.kubectl("apply", "-f", "-", stdin=json.dumps(as_version(obj, version)))
+        server.kubectl("apply", "-f", "-", stdin=json.dumps(obj))
     tell(server, name)
     for kind, selected in (("campaigns", "spec.queueName"), ("configurations", "spec.campaign")):
-        resource = f"{kind}.{version}.robovast.io"
-        chosen = ("get", resource, f"--field-selector={selected}={name}", "--no-headers")
+        chosen = ("get", kind, f"--field-selector={selected}={name}", "--no-headers")
         (line,) = server.kubectl(*chosen).splitlines()
         assert line.split()[0] == name
-    chosen = ("get", f"campaigns.{version}.robovast.io", "--field-selector=status.state=Running")
+    chosen = ("get", "campaigns", "--field-selector=status.state=Running")
     assert name in server.kubectl(*chosen)
-    campaigns, configurations = (
-        f"{kind}.{version}.robovast.io/{name}" for kind in ("campaigns", "configurations")
-    )
+    campaigns, configurations = (f"{kind}/{name}" for kind in ("campaigns", "configurations"))
     state = "--for=jsonpath={.status.state}=Running"
     assert "condition met" in server.kubectl("wait", campaigns, state, "--timeout=20s")
     editor = tmp_path / "editor"
@@ -185,7 +120,8 @@ def test_an_object_of_either_version_is_listed_waited_for_edited_and_deleted(
     monkeypatch.setenv("KUBE_EDITOR", str(editor))
     for one in (campaigns, configurations):
         assert "edited" in server.kubectl("edit", one)
-    assert read(server, version, "default", name)["spec"]["queueName"] == "q"
+    queue = server.kubectl("get", campaigns, "--output=jsonpath={.spec.queueName}")
+    assert queue == "q"
     runs = server.kubectl("get", configurations, "--output=jsonpath={.spec.runs}")
     assert runs == "9"
     assert server.kubectl("delete", campaigns, configurations).count("deleted") == 2
@@ -195,60 +131,15 @@ def addition(name: str, campaign_name: str) -> dict[str, Any]:
     """A Configuration of a Campaign."""
     spec = {"campaign": campaign_name, "parameters": [{"x": 7}], "runs": 2}
     metadata = {"name": name, "namespace": "default"}
-    return {"kind": "Configuration", "metadata": metadata, "spec": spec}
+    return {"apiVersion": API_VERSION, "kind": "Configuration", "metadata": metadata, "spec": spec}
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_a_configuration_stays_with_its_campaign_in_either_version(
-    server: Cluster, version: str
-) -> None:
-    made = as_version(addition(f"stays-{version}", "one"), version)
+def test_a_configuration_stays_with_its_campaign(server: Cluster) -> None:
+    made = addition("stays", "one")
     server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
     made["spec"]["campaign"] = "two"
     with pytest.raises(StartFailed, match="`campaign` cannot be changed"):
         server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-
-
-def test_a_rollback_to_a_chart_that_knows_both_goes_on_and_to_one_that_does_not_cannot(
-    redefinable: Redefined,
-) -> None:
-    """So both had to be known before the newer one was served."""
-    cluster = redefinable
-    made = as_version(campaign("later", "default", 2, 3), NEWER)
-    cluster.kubectl("apply", "--server-side", "--filename=-", stdin=json.dumps(made))
-    cluster.define(of_chart_0_1_0())
-    tell(cluster, "later")
-    assert read(cluster, OLDER, "default", "later")["status"] == {"state": "Running"}
-    cluster.define(of_one_version())
-
-    def refused() -> str:
-        try:
-            tell(cluster, "later")
-        except StartFailed as refusal:
-            return str(refusal)
-        return ""
-
-    assert "invalid group/version" in eventually(refused)
-    cluster.define(now())
-    eventually(lambda: not refused())
-    assert cluster.stored_versions() == [[OLDER]] * 2
-
-
-def test_after_a_rollback_kubectl_asks_in_vain_until_it_reads_the_kinds_anew(
-    redefinable: Redefined,
-) -> None:
-    """As docs/how-to/operate.md says, with its remedy; the older version is found by its name."""
-    listing = ("get", "campaigns", "--output=name")
-    assert "there" in redefinable.kubectl(*listing)
-    remembered = redefinable.cache.rename(redefinable.cache.with_name("remembered"))
-    redefinable.define(of_chart_0_1_0())
-    remembered.rename(redefinable.cache)
-    with pytest.raises(StartFailed, match="could not find the requested resource"):
-        redefinable.kubectl(*listing)
-    named = ("get", f"campaigns.{OLDER}.robovast.io", "--output=name")
-    assert "there" in redefinable.kubectl(*named)
-    redefinable.kubectl("api-resources", "--api-group=robovast.io")
-    assert "there" in redefinable.kubectl(*listing)
 
 
 def test_a_document_is_kept_as_its_user_wrote_it(server: Cluster) -> None:
@@ -267,31 +158,26 @@ def test_every_field_is_explained(server: Cluster) -> None:
     assert "as ranges" in told
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_the_table_says_what_a_person_asks(server: Cluster, version: str) -> None:
-    campaigns, configurations = (
-        f"{kind}.{version}.robovast.io" for kind in ("campaigns", "configurations")
-    )
-    table = server.kubectl("get", campaigns)
+def test_the_table_says_what_a_person_asks(server: Cluster) -> None:
+    table = server.kubectl("get", "campaigns")
     assert table.split("\n")[0].split() == [
         "NAME", "STATE", "PROGRESS", "ACTIVE", "WAITING",
         "PASSED", "FAILED", "ERRORED", "VERDICT", "AGE",
     ]  # fmt: skip
     assert table.split("\n")[0] == server.kubectl("get", "vcamp").split("\n")[0]
-    assert "QUEUE" in server.kubectl("get", campaigns, "--output=wide")
-    made = as_version(addition("shown", "there"), version)
+    assert "QUEUE" in server.kubectl("get", "campaigns", "--output=wide")
+    made = addition("shown", "there")
     server.kubectl("apply", "--filename=-", stdin=json.dumps(made))
-    assert server.kubectl("get", configurations).split("\n")[0].split() == [
+    assert server.kubectl("get", "configurations").split("\n")[0].split() == [
         "NAME", "CAMPAIGN", "VARIANTS", "PROGRESS", "PASSED", "FAILED", "ERRORED", "AGE",
     ]  # fmt: skip
     assert "there" in server.kubectl("get", "robovast", "--output=name")
-    selected = ("get", campaigns, "--output=name", "--field-selector")
+    selected = ("get", "campaigns", "--output=name", "--field-selector")
     assert "there" not in server.kubectl(*selected, "spec.queueName=none")
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_an_unknown_key_is_refused_not_dropped(server: Cluster, version: str) -> None:
-    wrong = as_version(campaign("wrong", "default", 1, 1), version)
+def test_an_unknown_key_is_refused_not_dropped(server: Cluster) -> None:
+    wrong = campaign("wrong", "default", 1, 1)
     wrong["spec"]["vast"]["execution"]["runz"] = 3
     with pytest.raises(StartFailed, match="runz"):
         server.kubectl("create", "--filename=-", stdin=json.dumps(wrong))
@@ -309,9 +195,9 @@ SECRETS = [
 ]
 
 
-def create(server: Cluster, name: str, spec: dict[str, Any], version: str = OLDER) -> str:
+def create(server: Cluster, name: str, spec: dict[str, Any]) -> str:
     """What is said to a new Campaign; empty when it is taken."""
-    made = as_version(campaign(name, "default", 1, 1), version)
+    made = campaign(name, "default", 1, 1)
     made["spec"] |= spec
     try:
         server.kubectl("create", "--filename=-", stdin=json.dumps(made))
@@ -320,12 +206,11 @@ def create(server: Cluster, name: str, spec: dict[str, Any], version: str = OLDE
     return ""
 
 
-@pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("spec", SECRETS)
 def test_a_secret_that_was_not_made_for_campaigns_is_refused_with_the_remedy(
-    server: Cluster, version: str, spec: dict[str, Any]
+    server: Cluster, spec: dict[str, Any]
 ) -> None:
-    told = create(server, "thief", spec, version)
+    told = create(server, "thief", spec)
     assert "their names begin with `robovast-`" in told
     assert "policies.secretNames" in told
 

@@ -61,7 +61,7 @@ def apply_addition(cluster: Cluster, namespace: str, name: str) -> None:
     """Apply a Configuration that adds a run to the Campaign `few`."""
     cluster.apply(
         {
-            "apiVersion": "robovast.io/v1alpha1",
+            "apiVersion": "robovast.io/v1beta1",
             "kind": "Configuration",
             "metadata": {"name": name, "namespace": namespace},
             "spec": {"campaign": "few", "parameters": [{"x": 7}], "runs": 1},

@@ -147,7 +147,7 @@ def test_configurations_that_are_heavy_delay_nobody_else_and_not_even_their_camp
     ]:
         fake_cluster.apply(
             {
-                "apiVersion": "robovast.io/v1alpha1",
+                "apiVersion": "robovast.io/v1beta1",
                 "kind": "Configuration",
                 "metadata": {"name": name, "namespace": others},
                 "spec": {"campaign": "base", "variations": entry},

@@ -186,7 +186,7 @@ def test_what_was_deleted_while_history_was_lost_leaves_no_ghost(
     fake_cluster.apply(campaign("few", namespace, 3, 2, **NOWHERE))
     fake_cluster.apply(campaign("gone", namespace, 1, 1, **NOWHERE))
     added = {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Configuration",
         "metadata": {"name": "more", "namespace": namespace},
         "spec": {"campaign": "few", "name": "more", "parameters": [{"x": 7}]},

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 from robovast_testbed.kubernetes import Cluster
-from support.kube.definitions import VERSIONS, as_version
 from support.kube.operator_process import (
     NewOperator,
     OperatorProcess,
@@ -138,12 +137,11 @@ def test_a_bucket_goes_when_its_campaign_is_not_accepted_any_more(
     eventually(lambda: place.gone("few"), told=operator.told)
 
 
-@pytest.mark.parametrize("version", VERSIONS)
 def test_a_bucket_goes_with_a_campaign_that_was_replaced_when_it_had_ended(
-    place: Place, operator: OperatorProcess, version: str
+    place: Place, operator: OperatorProcess
 ) -> None:
     """`kubectl replace`, as Argo CD can be told to do, drops what the manifest does not name."""
-    made = as_version(campaign("few", place.namespace, 3, 2, **DELETE), version)
+    made = campaign("few", place.namespace, 3, 2, **DELETE)
     place.cluster.apply(made)
     eventually(lambda: finished(place.cluster, place.namespace, "few"), told=operator.told)
     bucket = status(place.cluster, place.namespace, "few")["bucket"]
@@ -173,7 +171,7 @@ def test_a_campaign_that_was_never_accepted_goes_at_once(
 def addition(namespace: str) -> dict[str, Any]:
     """A Configuration applied by hand."""
     return {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Configuration",
         "metadata": {"name": "extra", "namespace": namespace},
         "spec": {"campaign": "few", "parameters": [{"x": 7}], "runs": 2},

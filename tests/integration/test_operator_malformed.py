@@ -23,7 +23,7 @@ from support.kube.operator_process import (
 from support.kube.requests import Requests
 from support.patience import eventually
 
-GROUP = "/apis/robovast.io/v1alpha1"
+GROUP = "/apis/robovast.io/v1beta1"
 KINDS = ("Campaign", "Configuration")
 MIB = 2**20
 ROUND = 500
@@ -51,7 +51,7 @@ def malformed(namespace: str, count: int) -> Iterator[dict[str, Any]]:
         fault = {"source": large} if number % 50 == 0 else faults[number % len(faults)]
         kind = "Configuration" if "campaign" in fault else "Campaign"
         yield {
-            "apiVersion": "robovast.io/v1alpha1",
+            "apiVersion": "robovast.io/v1beta1",
             "kind": kind,
             "metadata": {"name": f"bad-{number}", "namespace": namespace},
             "spec": fault if kind == "Configuration" else {**good["spec"], **fault},

@@ -56,7 +56,7 @@ def start_and_hear(operator: OperatorProcess, leader: str) -> None:
 def addition(namespace: str, name: str, value: int) -> dict[str, Any]:
     """A Configuration that adds twenty runs."""
     return {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Configuration",
         "metadata": {"name": name, "namespace": namespace},
         "spec": {"campaign": "hunted", "parameters": [{"x": value}], "runs": 20},

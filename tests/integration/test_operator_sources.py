@@ -108,7 +108,7 @@ def test_runs_of_configurations_that_come_and_go_keep_their_places(
     for name, others in (("a", 1), ("b", 2)):
         spec = {"campaign": "few", "parameters": [{"x": others}], "runs": 2}
         meta = {"name": name, "namespace": namespace}
-        kind = {"apiVersion": "robovast.io/v1alpha1", "kind": "Configuration"}
+        kind = {"apiVersion": "robovast.io/v1beta1", "kind": "Configuration"}
         fake_cluster.apply({**kind, "metadata": meta, "spec": spec})
         eventually(lambda: len(plans(fake_cluster, namespace)) > others, told=operator.told)  # noqa: B023
         fake_cluster.kubectl("delete", f"configuration/{name}", f"--namespace={namespace}")

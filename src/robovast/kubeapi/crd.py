@@ -2,10 +2,6 @@
 
 A structural schema can say less than JSON Schema: no references, one type at each place. Where
 a value may be of several kinds, any is let through here and the operator says what is wrong.
-
-Both versions have one schema, so that the API server converts by the name alone. The older one is
-stored, so that a rollback to definitions that serve no other finds every object
-(docs/reference/api-policy.md).
 """
 
 from __future__ import annotations
@@ -20,7 +16,6 @@ from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT, CAMPAIGN_NAME_RULE
 from robovast.kubeapi.resources import (
     COMPARED_VALUES,
     GROUP,
-    NEXT_VERSION,
     ONE_ADDRESS,
     VERSION,
     CampaignSpec,
@@ -327,15 +322,14 @@ def _crd(
             },
             "versions": [
                 {
-                    "name": version,
+                    "name": VERSION,
                     "served": True,
-                    "storage": version == VERSION,
+                    "storage": True,
                     "subresources": {"status": {}},
                     "additionalPrinterColumns": columns,
                     "selectableFields": [{"jsonPath": path} for path in selectable],
                     "schema": {"openAPIV3Schema": schema},
                 }
-                for version in (VERSION, NEXT_VERSION)
             ],
         },
     }

@@ -17,10 +17,7 @@ from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast.kubeapi.secret_names import MADE_FOR_CAMPAIGNS
 
 GROUP = "robovast.io"
-VERSION = "v1alpha1"
-"""Of the stored objects. Operator and command line use it, since every chart serves it."""
-NEXT_VERSION = "v1beta1"
-"""The same schema under the name that stays, which manifests of people should have."""
+VERSION = "v1beta1"
 API_VERSION = f"{GROUP}/{VERSION}"
 
 CAMPAIGN_LABEL = f"{GROUP}/campaign"

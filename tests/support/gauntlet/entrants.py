@@ -12,14 +12,11 @@ from typing import Any, TypeVar
 
 from robovast_testbed.errors import StartFailed
 
-from robovast.kubeapi.resources import GROUP, NEXT_VERSION, VERSION
 from support.gauntlet.executions import ADDRESS, sending
 from support.gauntlet.truth import Course
 from support.kube.lab import Lab
 
 T = TypeVar("T")
-
-VERSIONS = (VERSION, NEXT_VERSION)
 
 
 class Deed(StrEnum):
@@ -58,8 +55,6 @@ class Entrant:
     keep: int
     """For how long its Jobs stay once it has ended [s]."""
     destiny: Sequence[Deed]
-    version: str = VERSIONS[0]
-    """Of the API, in which it is made."""
     done: list[Deed] = field(default_factory=list)
     retries: list[float] = field(default_factory=list)
     """When its bad runs were asked for again [s since the epoch]."""
@@ -109,8 +104,7 @@ class Entrant:
             "storage": {"retention": self.retention},
             "ttlSecondsAfterFinished": self.keep,
         }
-        version = f"{GROUP}/{self.version}"
-        return {**made, "apiVersion": version, "spec": {**made["spec"], **spec}}
+        return {**made, "spec": {**made["spec"], **spec}}
 
     def see(self, campaigns: Mapping[tuple[str, str], dict[str, Any]]) -> None:
         """Take note of what the API server says now."""
@@ -235,7 +229,6 @@ def draw(
             chance.randint(1, 3),
             chance.choice([1, 60]),
             next(destinies),
-            VERSIONS[number // 2 % len(VERSIONS)],
         )
         for lab in next(places)
     ]

@@ -63,7 +63,7 @@ def campaign(**spec: Any) -> dict[str, Any]:
         "execution": {"image": "runs:1", "scenario_file": "scenario.osc"},
     }
     return {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Campaign",
         "metadata": {
             "namespace": "lab",

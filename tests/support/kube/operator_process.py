@@ -398,7 +398,7 @@ def campaign(
     }
     scenario = "scenario try_it:\n    x: int = 1\n    do serial:\n        wait elapsed(1s)\n"
     return {
-        "apiVersion": "robovast.io/v1alpha1",
+        "apiVersion": "robovast.io/v1beta1",
         "kind": "Campaign",
         "metadata": {"name": name, "namespace": namespace},
         "spec": {"vast": vast, "source": {"inline": {"files": {"scenario.osc": scenario}}}, **spec},

@@ -36,7 +36,7 @@ LIMITS = {"default": 20, "tuned": 500}
 """Requests that the controller manager may make in a second."""
 
 JOBS = f"/apis/batch/v1/namespaces/{SPACE}/jobs"
-CAMPAIGNS = f"/apis/robovast.io/v1alpha1/namespaces/{SPACE}/campaigns"
+CAMPAIGNS = f"/apis/robovast.io/v1beta1/namespaces/{SPACE}/campaigns"
 WORKFLOWS = argo_workflows.RESOURCES.format(SPACE, "workflows")
 CONTROLLERS = {"ours": ACCOUNT, "argo": argo_workflows.USER}
 """Who makes the write requests that a shape costs beside those of Kubernetes."""

@@ -40,7 +40,7 @@ VERSITYGW = Program("versitygw", "github.com/versity/versitygw", "v1.8.0", "./cm
 
 
 def kubelite(version: str = KUBERNETES) -> Path:
-    """Return the executable that is etcd and all servers of Kubernetes; the first argument picks."""
+    """Return the executable of etcd and of every server of Kubernetes: its argument picks one."""
     if version == OLDEST_KUBERNETES:
         return build_own("kubelite", _stamp(version), tags="controlplane", modfile="oldest.mod")
     return build_own("kubelite", _stamp(version))
