@@ -25,5 +25,5 @@ def eventually(
             what = told if isinstance(told, str) else told()
             raise AssertionError(f"it did not happen in {seconds:g} s: {what}")
         time.sleep(pause)
-        pause = max(min(0.3, pause * 1.5), min(1.0, waited / 30))
+        pause = max(min(0.5, pause * 1.7), min(1.5, waited / 20))
     return found
