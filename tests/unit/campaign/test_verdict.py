@@ -192,9 +192,9 @@ def test_times_that_are_large_can_be_added(tmp_path: Path) -> None:
 
 
 def test_a_pipe_or_a_link_is_no_result(tmp_path: Path) -> None:
-    (tmp_path / "0").mkdir()
-    os.mkfifo(tmp_path / "0" / "test.xml")
-    assert "is not a regular file" in read_test_result(tmp_path / "0").reason
+    (tmp_path / "run").mkdir()
+    os.mkfifo(tmp_path / "run" / "test.xml")
+    assert "is not a regular file" in read_test_result(tmp_path / "run").reason
     (tmp_path / "test.xml").write_text(GOOD)
     (tmp_path / "link").symlink_to(tmp_path)
     assert read_test_result(tmp_path / "link").verdict is Verdict.ERRORED

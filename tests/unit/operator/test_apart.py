@@ -78,7 +78,7 @@ def test_a_small_document_passes_heavy_ones_of_other_namespaces() -> None:
     """Five heavy documents in each of two namespaces; the small one waits for neither."""
 
     async def scenario() -> tuple[float, int]:
-        apart = Apart(QUICK, Bounds(30.0, 64 * 2**20))
+        apart = Apart(QUICK, Bounds(30.0, 256 * 2**20))
         await call(apart, int)  # the first process takes longer to start
         heavy = [
             apart.submit((space, str(n)), time.sleep, 1.5) for n in range(5) for space in ("a", "b")
@@ -99,7 +99,7 @@ def test_a_small_document_passes_heavy_ones_of_other_namespaces() -> None:
 
 def test_what_is_not_wanted_any_more_makes_room() -> None:
     async def scenario() -> float:
-        apart = Apart(QUICK, Bounds(600.0, 64 * 2**20))
+        apart = Apart(QUICK, Bounds(600.0, 256 * 2**20))
         running, queued = (apart.submit(("a", n), time.sleep, 500) for n in "ab")
         await asyncio.sleep(3)
         begun = time.monotonic()
