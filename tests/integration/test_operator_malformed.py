@@ -26,7 +26,7 @@ from support.patience import eventually
 GROUP = "/apis/robovast.io/v1beta1"
 KINDS = ("Campaign", "Configuration")
 MIB = 2**20
-ROUND = 500
+ROUND = 150
 """Objects that come and go together."""
 
 
