@@ -137,7 +137,7 @@ def test_exploding_aliases_are_refused_at_once_in_little_memory(tmp_path: Path) 
     assert result.returncode == 2
     place, _, problem = result.stderr.partition(": ")
     assert place.startswith("boom.vast:")
-    assert problem.startswith("its aliases (`*name`) repeat more than 100,000 values")
+    assert "its aliases (`*name`) repeat more than 100,000 values" in problem
 
 
 def test_prepare_run_leaves_a_script(tmp_path: Path) -> None:

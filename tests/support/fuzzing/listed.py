@@ -113,6 +113,7 @@ TRUSTED: dict[str, tuple[str, ...]] = {
     ),
     "what this process, or a child that it started, wrote": (
         *(
+            "base/serialization",
             "base/task_record",
             "analysis/postprocessing/worker",
             "evaluation/notebooks/child",
