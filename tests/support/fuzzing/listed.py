@@ -128,7 +128,7 @@ TRUSTED: dict[str, tuple[str, ...]] = {
         *("storage/http_client", "storage/shares/gcs"),
     ),
     "what the user types, or a file that they name": (
-        *("commands/config/entries", "commands/results/search"),
+        *("commands/results/search"),
         *("commands/exec/cluster/setup", "evaluation/server/launches"),
     ),
     "notebooks get the errors of Python, as the original RoboVAST raises them": (
