@@ -128,8 +128,8 @@ TRUSTED: dict[str, tuple[str, ...]] = {
         *("storage/http_client", "storage/shares/gcs"),
     ),
     "what the user types, or a file that they name": (
-        *("commands/results/search"),
-        *("commands/exec/cluster/setup", "evaluation/server/launches"),
+        *("commands/results/search", "commands/exec/cluster/setup"),
+        "evaluation/server/launches",
     ),
     "notebooks get the errors of Python, as the original RoboVAST raises them": (
         *("analysis/notebooks/common", "analysis/notebooks/ros2", "common/campaign_data"),
