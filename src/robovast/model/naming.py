@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from datetime import datetime
 from pathlib import Path
@@ -53,16 +54,27 @@ def holds_campaign(folder: Path) -> bool:
 
     Campaigns of other tools are recognized by a report `<configuration>/<run>/test.xml`.
     """
-    own = any((folder / name).is_dir() for name in (EXECUTION, TRANSIENT))
-    return own or any((folder / CONFIG).glob("*.vast")) or _holds_reports(folder)
+    own = any(os.path.isdir(folder / name) for name in (EXECUTION, TRANSIENT))
+    has_document = any(name.endswith(".vast") for name in _names(folder / CONFIG))
+    return own or has_document or any(_holds_reports(folder / name) for name in _names(folder))
 
 
-def _holds_reports(folder: Path) -> bool:
-    """Whether a report of another tool is below, whose configurations have no `_config`."""
-    visible = (path for path in folder.glob("[!._]*") if not is_campaign_dir(path))
-    others = (path for path in visible if not (path / CONFIG).exists())
-    reports = (report for path in others for report in path.glob(f"[0-9]*/{TEST_RESULT}"))
-    return any(report.parent.name.isdecimal() for report in reports)
+def _holds_reports(configuration: Path) -> bool:
+    """Whether a folder has reports of another tool, whose configurations have no `_config`."""
+    if configuration.name.startswith((".", "_")) or is_campaign_dir(configuration):
+        return False
+    names = _names(configuration)
+    return CONFIG not in names and any(
+        name.isdecimal() and os.path.lexists(configuration / name / TEST_RESULT) for name in names
+    )
+
+
+def _names(folder: Path) -> list[str]:
+    """The names in a folder; none if it is missing or cannot be read, as a link to nowhere."""
+    try:
+        return os.listdir(folder)
+    except OSError:
+        return []
 
 
 def get_campaign(name: str = "campaign") -> str:
