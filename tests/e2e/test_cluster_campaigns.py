@@ -29,7 +29,7 @@ DESIGN = """
   design: {kind: lhs, count: 4, seed: 1}"""
 
 GROWTH = Path(__file__).parents[2] / "configs/examples/growth_sim/growth_sim.vast"
-FEW = ("-c", "fixed", "-c", "sweep-1", "-c", "sweep-12")
+FEW = ("-c", "fixed", "-c", "sweep-1-1", "-c", "sweep-4-3")
 
 
 def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_machine(
