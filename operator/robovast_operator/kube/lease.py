@@ -40,6 +40,10 @@ RIVAL_TERMS = 2
 """How many durations a claim of another installation lasts after its last renewal, and after its
 release: a replica of that installation takes over first, for example during an upgrade."""
 
+CLAIM_TERMS = 4
+"""How many durations a replica claims the Lease without leading. A claim of an installation that
+waits for a leader would keep others waiting that have nothing in common with that leader."""
+
 RENEWALS = 3
 """How often the Lease is renewed within its duration; each is a write to the API server."""
 
@@ -92,6 +96,7 @@ class Leadership:
         self.failure = ""
         """Why the Lease cannot be claimed; empty if it can, or while this replica leads."""
         self._leader = ""
+        self._claimed_at = -inf
         self._confirmed: dict[tuple[str, str], tuple[bool, float]] = {}
         """By namespace of an installation and common namespace: the answer, and when it came."""
         self._acquired = asyncio.Event()
@@ -156,7 +161,9 @@ class Leadership:
             return False
         rival = None if self.leading else await self._find_rival(leases)
         if rival is not None and not (
-            self._is_mine(own) and self._settings.lease_namespace < rival
+            self._is_mine(own)
+            and self._settings.lease_namespace < rival
+            and not self._claims_in_vain()
         ):
             self._report_rival(rival)
             await self._withdraw(own)
@@ -186,8 +193,15 @@ class Leadership:
             held = await self._api.create(self._collection, made) is not None
         else:
             held = await self._replace(made)
+        if held and not mine:
+            self._claimed_at = time.monotonic()
         self.term += held and not mine  # late, but ours all the time: no other has led
         return held
+
+    def _claims_in_vain(self) -> bool:
+        """Whether this replica has claimed the Lease for long."""
+        limit = CLAIM_TERMS * self._settings.lease_seconds
+        return time.monotonic() - self._claimed_at > limit
 
     async def _withdraw(self, lease: Object | None) -> None:
         """Release the Lease if this replica holds it."""
