@@ -104,7 +104,7 @@ def test_what_a_compose_pod_says_is_held_against_the_document(said: tuple[list[i
     ("image", "seed", "told"),
     [
         ("runs@sha256:" + "0" * 64, 7, ""),
-        ("runs:1", 7, "runs:1 contains; name it with its digest"),
+        ("runs:1", 7, "the content of runs:1 can change; name it with its digest"),
         ("runs@sha256:" + "0" * 64, None, "set `execution.seed`"),
     ],
 )

@@ -593,6 +593,6 @@ def test_a_campaign_none_of_whose_pods_is_at_work_is_said_to_stall_with_the_caus
     assert decide(stalled).status.state == "Stalled"
     job.ready = 1
     dying = replace(
-        world.snapshot(), pods=PodFindings(trouble=Trouble("Evicted", "again", repeated=True))
+        world.snapshot(), pods=PodFindings(trouble=Trouble("Evicted", "again", deadly=True))
     )
     assert decide(dying).status.state == "Running"
