@@ -50,7 +50,7 @@ EMBEDDED = {
     "storage.embedded.image": images.S3,
     "storage.embedded.size": "1Gi",
     "page.enabled": "true",
-    "page.every": "3",
+    "page.every": "6",
 }
 """Values of the chart for its own S3 server, with the page of its buckets."""
 

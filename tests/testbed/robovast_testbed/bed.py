@@ -83,7 +83,8 @@ class Bed:
         with log.open("ab") as stream:
             process = subprocess.Popen(
                 [*self.inside, *(str(part) for part in command)],
-                env=os.environ | (env or {}),
+                # The engines are written in Go. To collect garbage less often saves CPU time.
+                env=os.environ | {"GOGC": "300"} | (env or {}),
                 stdin=subprocess.DEVNULL,
                 stdout=stream,
                 stderr=stream,
