@@ -50,7 +50,7 @@ def test_a_campaign_without_kueue_says_so_and_runs_without_a_queue(
     assert wait_stalled(fake_cluster, namespace, operator)["reason"] == "NoKueue"
     state = status(fake_cluster, namespace, "few")
     assert state["state"] == "Queued"
-    assert "is Kueue installed" in condition(state, "QuotaReserved")["message"]
+    assert "Check that Kueue is installed" in condition(state, "QuotaReserved")["message"]
     patch = json.dumps({"spec": {"queueName": None}})
     fake_cluster.kubectl(
         *("--namespace", namespace, "patch", "campaign", "few", "--type=merge"),

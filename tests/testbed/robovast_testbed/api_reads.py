@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode, urlsplit
 
-OURS = "robovast.io"
 PLACES = {
-    **dict.fromkeys(("campaigns", "configurations"), f"apis/{OURS}"),
+    **dict.fromkeys(("campaigns", "configurations"), "apis/robovast.io/v1beta1"),
     **dict.fromkeys(("pods", "events", "secrets", "configmaps", "nodes", "services"), "api/v1"),
     "jobs": "apis/batch/v1",
     "leases": "apis/coordination.k8s.io/v1",
     "deployments": "apis/apps/v1",
 }
-"""Where the objects of a kind are; of ours, the server names the preferred version."""
+"""Where the objects of a kind are."""
 QUERIES = {
     "--selector": "labelSelector",
     "-l": "labelSelector",
@@ -47,14 +46,8 @@ def read(kubeconfig: Path, arguments: Sequence[str]) -> dict[str, Any] | None:
     ):
         return None
     server = _Server(json.loads(kubeconfig.read_text()))
-    place = PLACES[kind]
-    if place.endswith(OURS):
-        group = server.ask(f"/{place}")
-        if group is None:
-            return None
-        place += f"/{group['preferredVersion']['version']}"
     path = "/".join(
-        ["", place, *([] if everywhere else ["namespaces", quote(space)]), kind, *words[1:]]
+        ["", PLACES[kind], *([] if everywhere else ["namespaces", quote(space)]), kind, *words[1:]]
     )
     query = urlencode({QUERIES[name]: value for name, value in options.items()})
     found = server.ask(f"{path}?{query}")
