@@ -141,6 +141,29 @@ def test_runs_as_needed_are_those_of_this_machine_whatever_is_killed(
     assert DECISIONS in lab.vast("results", "summary", home).stdout
 
 
+def test_a_container_that_is_killed_for_its_memory_costs_one_run_of_its_pack(lab: Lab) -> None:
+    """Where the kernel kills single processes only, the test kills the container as it would."""
+    whole = Path("/sys/fs/cgroup/cgroup.controllers").exists()
+    take = 'python3 -c "a = bytearray(2 ** 30); input()"' if whole else "sleep 300"
+    script = f'echo begun >"$3/begun"\n[ "$1" != 2 ] || exec {take}\n'
+    lab.quick("greedy", script, "  runs_per_job: 3\n  resources: {memory: 300Mi}\n")
+
+    def in_the_middle() -> list[int]:
+        begun = "root/out/one-2/0/begun"
+        return [pid for pid in run_processes(lab) if Path(f"/proc/{pid}/{begun}").exists()]
+
+    if not whole:
+        for process in eventually(in_the_middle):
+            os.kill(process, signal.SIGKILL)
+    lab.wait("greedy")
+    home = lab.download("greedy")
+    verdicts = lab.verdicts(home)
+    assert verdicts == {"one-1/0": "passed", "one-2/0": "errored", "one-3/0": "passed"}
+    assert (home / "one-2/0/begun").read_text() == "begun\n"
+    assert (home / "one-2/0/job/logs/system.log").exists()
+    assert lab.campaign("greedy")["status"]["erroredRuns"] == "1"
+
+
 def test_a_run_sees_no_credentials_no_token_and_no_other_runs_results(lab: Lab) -> None:
     script = (
         'look() { ls -d "$@" 2>/dev/null; }\n'
