@@ -41,6 +41,9 @@ _HEADERS = (
 _OVERHEAD = 512
 """Disk space that is counted for every entry, even an empty one [byte]."""
 
+_ZIP = (b"PK\3\4", b"PK\5\6")
+"""How zip files begin. `zipfile.is_zipfile` also accepts a tar file that ends with a zip file."""
+
 _DAMAGED = (
     tarfile.TarError,
     zipfile.BadZipFile,
@@ -248,11 +251,12 @@ def _members(archive: Path, room: _Room) -> Iterator[Iterator[Member]]:
         raise InputError(f"{archive}: is not a regular file. Name the archive itself.")
     try:
         with archive.open("rb") as file:
-            if zipfile.is_zipfile(file):
+            is_zip = file.read(len(_ZIP[0])) in _ZIP
+            file.seek(0)
+            if is_zip:
                 with zipfile.ZipFile(file) as zipped:
                     yield _zip_members(zipped)
             else:
-                file.seek(0)
                 with tarfile.open(fileobj=file, mode="r:*", tarinfo=_entry_type(room)) as tar:
                     yield _tar_members(tar)
                     _read_to_the_end(tar)

@@ -97,6 +97,18 @@ def test_a_zip_file_keeps_its_links(tmp_path: Path) -> None:
     assert (campaign / "one" / "0" / "job").readlink() == Path("../../_jobs/job-1")
 
 
+def test_a_tar_file_that_ends_with_a_zip_file_is_a_tar_file(tmp_path: Path) -> None:
+    inner = io.BytesIO()
+    with zipfile.ZipFile(inner, "w") as zipped:
+        zipped.writestr("other/one/0/test.xml", "")
+    last = member(f"{NAME}/one/0/x.npz", inner.getvalue())
+    plain = tmp_path / "x.tar"
+    plain.write_bytes(gzip.decompress(archive_of(tmp_path, *GOOD, last).read_bytes()))
+    campaign = import_archive(plain, tmp_path / "results")
+    assert campaign.name == NAME
+    assert (campaign / "one/0/x.npz").read_bytes() == inner.getvalue()
+
+
 MALICIOUS = {
     "an absolute name": [member("/tmp/evil")],
     "a name that climbs": [member(f"{NAME}/../../evil")],
