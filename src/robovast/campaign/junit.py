@@ -123,13 +123,16 @@ def _own_cases(run: Path, name: str) -> list[Case]:
     return list(_cases_below(root, name, outcome_of(root)[0] == "skipped"))
 
 
-def _cases_below(element: ET.Element, run: str, skipped: bool) -> Iterator[Case]:
-    """The cases of a suite; all are skipped if the suite is."""
-    for child in element:
-        if _tag(child) == "testcase":
-            yield _case(child, run, skipped)
+def _cases_below(root: ET.Element, run: str, skipped: bool) -> Iterator[Case]:
+    """The cases of a suite; all are skipped if the suite is. Suites may be nested very deeply."""
+    waiting = [(child, skipped) for child in reversed(root)]
+    while waiting:
+        element, skipped = waiting.pop()
+        if _tag(element) == "testcase":
+            yield _case(element, run, skipped)
         else:
-            yield from _cases_below(child, run, skipped or outcome_of(child)[0] == "skipped")
+            skipped = skipped or outcome_of(element)[0] == "skipped"
+            waiting += ((child, skipped) for child in reversed(element))
 
 
 def _case(element: ET.Element, run: str, skipped: bool) -> Case:

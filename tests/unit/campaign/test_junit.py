@@ -46,6 +46,13 @@ def test_cases_that_did_not_run_are_skipped(tmp_path_factory, states, key) -> No
     }
 
 
+def test_suites_may_be_nested_deeply(tmp_path: Path) -> None:
+    inner = '<testcase name="c"/><testcase name="d"><skipped/></testcase>'
+    text = "<testsuite>" * 5000 + inner + "</testsuite>" * 5000
+    report = merged(tmp_path, f"<testsuites>{text}</testsuites>")
+    assert [outcome(case) for case in report.iter("testcase")] == ["passed", "skipped"]
+
+
 @pytest.mark.parametrize("state", BAD)
 def test_a_case_whose_state_is_bad_failed(tmp_path: Path, state: str) -> None:
     text = (
