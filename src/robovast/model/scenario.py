@@ -16,13 +16,15 @@ from typing import Any
 from robovast.base.errors import InputError
 from robovast.base.file_errors import read_text
 
-_SCENARIO = re.compile(r"^scenario\s+([A-Za-z_][\w.]*)\b[^:]*:")
-_STRUCT = re.compile(r"^struct\s+([A-Za-z_]\w*)(?:\s+inherits\s+([A-Za-z_]\w*))?\s*(?::.*)?$")
+_SCENARIO = re.compile(r"^scenario\s++([A-Za-z_]\w*+(?:\.\w++)*+)[^:]*:")
+_STRUCT = re.compile(r"^struct\s++([A-Za-z_]\w*+)(?:\s++inherits\s++([A-Za-z_]\w*+))?\s*+(?::.*)?$")
 _PARAMETER = re.compile(
     r"^(?P<names>[A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*:\s*"
-    r"(?P<type>(?:list\s+of\s+)?[A-Za-z_][\w.]*)\s*(?:=\s*(?P<default>.+?))?\s*(?:with\s*:.*)?$"
+    r"(?P<type>(?:list\s+of\s+)?[A-Za-z_][\w.]*)\s*+"
+    r"(?:=\s*+(?P<default>\S.*?)(?<!\s)\s*+)?(?:with\s*:.*)?$"
 )
-_TOKEN = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|#.*")
+_TOKEN = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|\\.|#.*")
+"""A text, a comment, or an escape outside of both, so that no part of a line is read twice."""
 
 SEED = "seed"
 """The parameter that gets a run's seed when the document does not set it."""
