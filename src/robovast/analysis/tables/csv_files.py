@@ -57,15 +57,19 @@ csv.field_size_limit(sys.maxsize)
 
 def csv_files(run: Path) -> dict[str, Path]:
     """The CSV files of a run by table name: the path with `_` for anything but letters and digits.
-    Only regular files count."""
-    found: dict[str, Path] = {}
+    Only regular files count. Of several files with one name, the first one counts, which is logged;
+    databases ignore the case of names."""
+    found: dict[str, tuple[str, Path]] = {}
     for folder, folders, names in os.walk(run):
         folders.sort()
         for name in sorted(names):
             path = Path(folder, name)
             if name.endswith(".csv") and is_file(path, run):
-                found.setdefault(table_name(path.relative_to(run).with_suffix("")), path)
-    return found
+                table = table_name(path.relative_to(run).with_suffix(""))
+                _, first = found.setdefault(folded(table), (table, path))
+                if first != path:
+                    _warn(f"{path} is not read: {first} is the table `{table}`; rename one of them")
+    return dict(found.values())
 
 
 def table_name(path: str | os.PathLike[str]) -> str:

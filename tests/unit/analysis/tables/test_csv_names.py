@@ -42,6 +42,19 @@ def test_column_names_differ_from_the_keys_and_from_each_other() -> None:
     ]
 
 
+def test_files_with_one_table_name_are_not_mixed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "x").mkdir()
+    for name in ("A.csv", "a.csv", "x/y.csv", "x_y.csv"):
+        (tmp_path / name).touch()
+    assert csv_files(tmp_path) == {"A": tmp_path / "A.csv", "x_y": tmp_path / "x_y.csv"}
+    assert [message.split()[0] for message in caplog.messages] == [
+        str(tmp_path / "a.csv"),
+        str(tmp_path / "x/y.csv"),
+    ]
+
+
 def test_the_csv_files_of_a_run_are_its_own(tmp_path: Path) -> None:
     run, job = tmp_path / "c/0", tmp_path / "_jobs/job-0"
     for path in (run / "logs", job):
