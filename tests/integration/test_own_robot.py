@@ -42,7 +42,8 @@ def test_the_commands_without_containers_print_what_the_page_shows(
                 out, err = capsys.readouterr()
                 assert ended.value.code == 0, f"{line}\n{out}{err}"
                 printed, typed = printed + out, typed + 1
-    assert len(shown) == 2 and typed == 8
+    assert len(shown) == 2
+    assert typed == 8
     assert all(block in printed for block in shown)
     assert "kind: Campaign" in printed
     assert Path("test_run/run.sh").is_file()
