@@ -20,8 +20,8 @@ from support.kube.operator_process import (
 )
 from support.patience import eventually
 
-SOON = 2.0
-"""Time in which a small Campaign is accepted on a machine without other work [s]."""
+SOON = 15.0
+"""Time that the plans of large documents may keep the operator from a small Campaign [s]."""
 SLOWER = 4
 """How many times as long it may take as with an operator that has nothing else to do."""
 
@@ -112,8 +112,9 @@ def test_a_small_campaign_waits_for_no_heavy_one_of_another_namespace(
             seconds_until_accepted(fake_cluster, quiet, name, measure),
         )
 
-    took = [times(f"small-{number}") for number in range(3)]
+    took = [times("small-0")]
     waiting = [name for name in names if not accepted(fake_cluster, others, name)]
+    took += [times(f"small-{number}") for number in (1, 2)]
     own, usual = max(one for one, _ in took), max(one for _, one in took)
     assert own < SOON + SLOWER * usual, took
     assert waiting, "they were not heavy enough for this test"

@@ -2,8 +2,8 @@
 
 Nothing waits for a process: a call returns a future. There are two processes at a time at most. One
 begins every call and soon stops it, the other one then repeats the few calls that need more. So a
-small document waits for half a second of CPU time for each other namespace, however heavy the
-documents of those are. If a process dies, only the Campaign that it worked for is affected.
+small document waits a second for each other namespace, however heavy the documents of those are.
+If a process dies, only the Campaign that it worked for is affected.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import asyncio
 import contextlib
 import os
 import resource
-import signal
 import time
 from asyncio import Future
 from collections.abc import Callable
@@ -37,16 +36,14 @@ class Bounds:
     """Bounds of a call."""
 
     seconds: float
-    """CPU time that a call may take: on a busy node, a small document needs no more of it."""
+    """Time that a call may take."""
     memory: int
     """Memory that a call may take in addition to what its process starts with [byte]."""
     niceness: int = 0
-    slowdown: float = 10.0
-    """How many times as long a call may take as its CPU time, since other processes run too."""
 
 
-BRIEF = Bounds(0.5, 64 * 2**20)
-LONG = Bounds(20.0, 256 * 2**20, niceness=10, slowdown=3.0)
+BRIEF = Bounds(1.0, 64 * 2**20)
+LONG = Bounds(20.0, 256 * 2**20, niceness=10)
 
 START_SECONDS = 60.0
 """Time limit for the start of a process, which the time of its call does not include."""
@@ -173,7 +170,7 @@ class _Process:
 
     def __init__(self, function: Callable[[], Any], bounds: Bounds) -> None:
         self._receiver, self._sender = _CONTEXT.Pipe(duplex=False)
-        self._bounds = bounds
+        self._seconds = bounds.seconds
         self._process = _CONTEXT.Process(
             target=_work, args=(self._sender, bounds, function), daemon=True
         )
@@ -191,11 +188,8 @@ class _Process:
         self._sender.close()
         try:
             self._receive(START_SECONDS)
-            found: tuple[bool, Any] = self._receive(self._bounds.seconds * self._bounds.slowdown)
+            found: tuple[bool, Any] = self._receive(self._seconds)
         except EOFError:
-            self._process.join()
-            if self._process.exitcode == -signal.SIGPROF:
-                raise TooLargeError(_too_slow(self._bounds.seconds)) from None
             raise TooLargeError(
                 f"{_TOO_MUCH}: its process ended, probably for lack of memory."
             ) from None
@@ -207,7 +201,7 @@ class _Process:
 
     def _receive(self, seconds: float) -> Any:
         if not self._receiver.poll(seconds):
-            raise TooLargeError(_too_slow(seconds))
+            raise TooLargeError(f"{_TOO_MUCH} (it takes longer than {seconds:g} s).")
         return self._receiver.recv()
 
     def end(self) -> None:
@@ -222,10 +216,6 @@ _TOO_MUCH = (
 )
 
 
-def _too_slow(seconds: float) -> str:
-    return f"{_TOO_MUCH} (it takes longer than {seconds:g} s)."
-
-
 def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) -> None:
     try:
         sender.send("begun")
@@ -237,7 +227,6 @@ def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) ->
     with open("/proc/self/statm", encoding="ascii") as file:
         begun = int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     resource.setrlimit(resource.RLIMIT_AS, (begun + bounds.memory, resource.RLIM_INFINITY))
-    signal.setitimer(signal.ITIMER_PROF, bounds.seconds)  # of CPU time; SIGPROF ends the process
     try:
         answer: tuple[bool, object] = True, function()
     except MemoryError:
@@ -247,7 +236,6 @@ def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) ->
         )
     except Exception as error:
         answer = False, error
-    signal.setitimer(signal.ITIMER_PROF, 0)
     resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     with contextlib.suppress(BrokenPipeError):  # the operator was killed
         sender.send(answer)

@@ -43,19 +43,10 @@ def test_its_end_is_told(work: Any, number: int, told: str) -> None:
 
 
 def test_it_has_only_so_much_time() -> None:
+    begun = time.monotonic()
     with pytest.raises(InputError, match=r"longer than 0\.5 s"):
-        asyncio.run(call(Apart(QUICK, QUICK), sum, range(10**12)))
-
-
-def test_what_waits_is_stopped_too() -> None:
-    waiting = Bounds(0.5, 64 * 2**20, slowdown=2.0)
-    with pytest.raises(InputError, match="longer than 1 s"):
-        asyncio.run(call(Apart(waiting, waiting), time.sleep, 600))
-
-
-def test_a_busy_node_makes_no_small_document_a_heavy_one() -> None:
-    """What takes long on the clock and no CPU time is not stopped by the bound of CPU time."""
-    asyncio.run(call(Apart(QUICK, Bounds(0.0, 0)), time.sleep, 2.0))
+        asyncio.run(call(Apart(QUICK, QUICK), time.sleep, 600))
+    assert time.monotonic() - begun < 60
 
 
 def test_a_document_of_large_values_is_refused_and_the_operator_stays_small() -> None:
@@ -84,15 +75,13 @@ def test_a_document_of_large_values_is_refused_and_the_operator_stays_small() ->
 
 
 def test_a_small_document_passes_heavy_ones_of_other_namespaces() -> None:
-    """Three heavy documents in each of two namespaces; the small one waits for neither."""
+    """Five heavy documents in each of two namespaces; the small one waits for neither."""
 
     async def scenario() -> tuple[float, int]:
         apart = Apart(QUICK, Bounds(30.0, 256 * 2**20))
         await call(apart, int)  # the first process takes longer to start
         heavy = [
-            apart.submit((space, str(n)), sum, range(30_000_000))
-            for n in range(3)
-            for space in ("a", "b")
+            apart.submit((space, str(n)), time.sleep, 1.5) for n in range(5) for space in ("a", "b")
         ]
         await asyncio.sleep(0.2)
         begun = time.monotonic()
@@ -104,20 +93,20 @@ def test_a_small_document_passes_heavy_ones_of_other_namespaces() -> None:
         return took, done
 
     took, done = asyncio.run(scenario())
-    assert took < 30
-    assert done <= 3, "the small document waited for the heavy ones"
+    assert took < 10
+    assert done <= 4, "the small document waited for the heavy ones"
 
 
 def test_what_is_not_wanted_any_more_makes_room() -> None:
     async def scenario() -> float:
         apart = Apart(QUICK, Bounds(600.0, 256 * 2**20))
-        running, queued = (apart.submit(("a", n), sum, range(10**12)) for n in "ab")
+        running, queued = (apart.submit(("a", n), time.sleep, 500) for n in "ab")
         await asyncio.sleep(3)
         begun = time.monotonic()
         running.cancel()
         queued.cancel()
         async with asyncio.timeout(120):
-            await apart.submit(("a", "c"), sum, range(40_000_000))
+            await apart.submit(("a", "c"), time.sleep, 1.0)
         return time.monotonic() - begun
 
     assert asyncio.run(scenario()) < 60
