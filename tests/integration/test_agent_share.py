@@ -22,6 +22,7 @@ from support.servers.share_places import Place, sftp, webdav
 from robovast.agent.bucket import Bucket
 from robovast.agent.untrusted_files import store_own_tree
 from robovast.base.errors import StorageError
+from robovast.campaign.imported import MARK
 from robovast.campaign.importing import import_archive
 from robovast.storage.compressing import pack_bucket
 from robovast.storage.download import Silent, download_campaign
@@ -130,13 +131,13 @@ def place(request: pytest.FixtureRequest, tmp_path: Path, stored: Stored) -> Ite
 
 
 def content(campaign: Path) -> dict[str, object]:
-    """Every file, with its content, mode and time, and every link."""
+    """Every stored file, with its content, mode and time, and every link."""
     found: dict[str, object] = {}
     for path in sorted(campaign.rglob("*")):
         name = path.relative_to(campaign).as_posix()
         if path.is_symlink():
             found[name] = path.readlink()
-        elif path.is_file():
+        elif path.is_file() and name != MARK:
             about = path.stat()
             found[name] = (path.read_bytes(), about.st_mode & 0o777, int(about.st_mtime))
     return found
