@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from robovast.base.errors import InputError
+from robovast.model.naming import is_run_number
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import new_app
 
@@ -105,4 +106,4 @@ def brought_here(run: Path, out: Path, context: str | None, namespace: str | Non
 def is_stored_elsewhere(run: Path) -> bool:
     """Whether a run is not on this machine, but may be on a cluster."""
     here = run.is_absolute() or run.parent.parent.exists()
-    return not here and len(run.parts) == 3 and run.name.isdecimal()
+    return not here and len(run.parts) == 3 and is_run_number(run.name)

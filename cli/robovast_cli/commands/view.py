@@ -10,6 +10,7 @@ import typer
 
 from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import ROS
+from robovast.model.naming import is_run_number
 from robovast_cli.commands.evaluation.gui import NoBrowser, Port, make_starting, present, serving
 from robovast_cli.lazy import new_app
 from robovast_cli.ui.output import say
@@ -124,7 +125,7 @@ def _place(path: Path) -> tuple[Path, tuple[str, ...]]:
         raise InputError(f"There is no folder {path}.")
     target = target_of(path)
     names = target.names[:3]
-    if len(names) < 3 or not names[2].isdigit():
+    if len(names) < 3 or not is_run_number(names[2]):
         raise InputError(
             f"{path} is the folder of {'a campaign' if len(names) == 1 else 'no run'}; name that "
             "of a run, <campaign>/<configuration>/<number>. `vast evaluation gui -r` shows all "

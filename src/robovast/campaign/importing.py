@@ -9,6 +9,7 @@ from robovast.base.errors import InputError
 from robovast.base.printable import one_line
 from robovast.campaign.archive import refuse_links_out, unpack
 from robovast.campaign.imported import mark_imported
+from robovast.campaign.layout import Layout
 from robovast.model.naming import holds_campaign
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
@@ -55,6 +56,11 @@ def _check_names(archive: Path, campaign: Path) -> None:
                 f"{archive}: refused, because the name `{one_line(path.name)}` in it has "
                 "characters that terminals obey and do not show. Nothing was imported."
             )
+    for path in Layout(campaign).misnumbered_runs():
+        raise InputError(
+            f"{archive}: refused, because `{path}` cannot be the folder of a run: numbers of runs "
+            "have at most nine digits and no leading zeros. Rename it. Nothing was imported."
+        )
 
 
 def campaign_of_archive(name: str) -> str:

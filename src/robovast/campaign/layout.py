@@ -23,11 +23,7 @@ from pathlib import Path
 
 from robovast.base.printable import is_printable
 from robovast.base.safe_paths import is_folder
-from robovast.model.naming import (
-    CONFIG,
-    EXECUTION,
-    TRANSIENT,
-)
+from robovast.model.naming import CONFIG, EXECUTION, TRANSIENT, is_run_number
 from robovast.model.naming import TEST_RESULT as TEST_RESULT
 
 JOBS = "_jobs"
@@ -151,8 +147,15 @@ class Layout:
     def run_folders_of(self, variant: str) -> list[Path]:
         """Folders of a variant's stored runs, sorted by number."""
         folder = self.variant(variant)
-        numbers = (name for name in _folders(folder) if name.isdecimal() and name.isascii())
-        return [folder / name for name in sorted(numbers, key=int)]
+        return [folder / name for name in sorted(filter(is_run_number, _folders(folder)), key=int)]
+
+    def misnumbered_runs(self) -> Iterator[str]:
+        """`<variant>/<name>` of folders with a report whose names are numbers that no run has."""
+        for variant in filter(is_variant, _folders(self.root)):
+            for name in _folders(self.variant(variant)):
+                is_number = name.isdecimal() and not is_run_number(name)
+                if is_number and os.path.lexists(self.variant(variant) / name / TEST_RESULT):
+                    yield f"{variant}/{name}"
 
 
 def is_variant(name: str) -> bool:

@@ -23,7 +23,7 @@ OMITTED = ".omitted"
 
 _OWN = frozenset({STAGE, ORIGIN, OMITTED, RUNNING, ASIDE, MARK})
 """Folders that commands use internally, and partly remove."""
-_RUN = re.compile(r"(?P<run>[^/_.][^/]*/[0-9]+)/")
+_RUN = re.compile(r"(?P<run>[^/_.][^/]*/(?:0|[1-9][0-9]{0,8}))/")
 
 
 def run_of(path: str) -> str:

@@ -24,6 +24,7 @@ from robovast.model.designs import (
 from robovast.model.document import Document
 from robovast.model.document.model import ConfigurationEntry
 from robovast.model.document.section import PluginCall
+from robovast.model.naming import is_run_number
 from robovast.model.variations.loader import levels
 
 _LARGEST = sys.float_info.max / 2
@@ -163,7 +164,7 @@ def _numbered(
         numbers = tail.split("-")
         is_own = variant.entry in {entry.name, variant.name}  # its own name: no record says which
         is_named = not head and len(numbers) == len(entry.variations or ())
-        if is_own and is_named and all(number.isdecimal() for number in numbers):
+        if is_own and is_named and all(map(is_run_number, numbers)):
             yield list(map(int, numbers)), variant
 
 

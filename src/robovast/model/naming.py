@@ -26,6 +26,7 @@ OWN_FILES = frozenset({CAMPAIGN_STORE, METADATA, GRAPH})
 _LONGEST = 200
 """Most characters of a folder's name before the date; 255 is what file systems have room for, and
 some of it other words take while a folder is being made."""
+_RUN = re.compile("0|[1-9][0-9]{0,8}")
 _CAMPAIGN = re.compile(r"^(?P<name>.+)-(?P<timestamp>\d{4}-\d{2}-\d{2}-\d{6}(?:\d{2})?)$")
 
 
@@ -49,6 +50,11 @@ def is_campaign_dir(path: str | Path) -> bool:
     return _CAMPAIGN.match(Path(path).name) is not None
 
 
+def is_run_number(name: str) -> bool:
+    """True for names of run folders: `00` is none, since two folders would then be run 0."""
+    return _RUN.fullmatch(name) is not None
+
+
 def holds_campaign(folder: Path) -> bool:
     """True for a folder with the content of a campaign, whatever its name.
 
@@ -65,7 +71,8 @@ def _holds_reports(configuration: Path) -> bool:
         return False
     names = _names(configuration)
     return CONFIG not in names and any(
-        name.isdecimal() and os.path.lexists(configuration / name / TEST_RESULT) for name in names
+        is_run_number(name) and os.path.lexists(configuration / name / TEST_RESULT)
+        for name in names
     )
 
 

@@ -152,6 +152,14 @@ def test_a_campaign_cannot_have_the_name_of_a_folder_in_campaigns(
     assert not (tmp_path / "results" / name).exists()
 
 
+@pytest.mark.parametrize("number", ["00", "007", "1234567890", "٣"])
+def test_two_folders_cannot_have_one_run_number(tmp_path: Path, number: str) -> None:
+    archive = archive_of(tmp_path, *GOOD, member(f"{NAME}/one-1/{number}/test.xml"))
+    with pytest.raises(InputError, match=f"`one-1/{number}` cannot be the folder of a run"):
+        import_archive(archive, tmp_path / "results")
+    assert everything(tmp_path) == {archive.name, "results"}
+
+
 def pax(kind: bytes) -> bytes:
     return header(kind, pax_record(b"key", b"a" * 16_000))
 

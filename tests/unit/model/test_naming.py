@@ -15,6 +15,8 @@ from robovast.model.naming import holds_campaign
         ("hall-1/0/test.xml", True),
         ("hall-1/_config/x", False),
         ("hall-1/first/test.xml", False),
+        ("hall-1/00/test.xml", False),
+        ("hall-1/²/test.xml", False),
         ("hall-1/0/run.json", False),
         (".hall-1/0/test.xml", False),
         ("hall-2026-03-04-152130/0/test.xml", False),

@@ -20,6 +20,7 @@ from robovast.base.optional_deps import ROS
 from robovast.campaign.layout import Layout
 from robovast.model.document.commands import JOB_LOGS, BagCommand, bag_command, expanded
 from robovast.model.document.section import PluginCall
+from robovast.model.naming import is_run_number
 from rosbags_common import find_rosbags
 
 if TYPE_CHECKING:
@@ -222,9 +223,9 @@ def _convert(call: PluginCall, results_dir: str, config_dir: str) -> Result:
 
 def _runs(base: Path) -> list[Path]:
     """Run folders in the folder of a campaign, a configuration or a run."""
-    if base.name.isdigit():
+    if is_run_number(base.name):
         return [base]
-    below = [path for path in base.iterdir() if path.name.isdigit() and path.is_dir()]
+    below = [path for path in base.iterdir() if is_run_number(path.name) and path.is_dir()]
     if below:
         return sorted(below, key=lambda path: int(path.name))
     return list(Layout(base).run_folders()) or [base]

@@ -23,7 +23,7 @@ from robovast.campaign.layout import (
     is_variant,
 )
 from robovast.campaign.verdict import Verdict
-from robovast.model.naming import CONFIG, TRANSIENT
+from robovast.model.naming import CONFIG, TRANSIENT, is_run_number
 from robovast.model.variations.factors import FACTORS
 
 
@@ -109,7 +109,7 @@ def _is_configuration_folder(folder: Path) -> bool:
     if not is_variant(folder.name):
         return False
     inside = subfolders(folder)
-    return CONFIG in inside or any(name.isdigit() for name in inside)
+    return CONFIG in inside or any(map(is_run_number, inside))
 
 
 def _read_parameters(folder: Path) -> dict[str, Any]:
@@ -145,7 +145,7 @@ def _describe_configuration(
         "transient_files": list(list_files(str(folder / TRANSIENT), f"{name}/{TRANSIENT}/")),
     }
     added = hooks.metadata(applied_variations(entry), {**item, **entry})
-    runs = sorted(filter(str.isdecimal, subfolders(folder)), key=int)
+    runs = sorted(filter(is_run_number, subfolders(folder)), key=int)
     if not runs:
         findings.missing("configurations without a run", name)
     results = [describe_run(layout.root, name, number, findings) for number in runs]

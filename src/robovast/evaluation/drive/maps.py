@@ -22,6 +22,7 @@ from robovast.evaluation.map_picture import (
 from robovast.evaluation.poses import Place, last_position, rough_way
 from robovast.evaluation.summaries import VariantRuns
 from robovast.evaluation.untrusted import mapping
+from robovast.model.naming import is_run_number
 
 _MOST = 60
 """Configurations of one answer."""
@@ -139,7 +140,7 @@ def _ways(results: Path, place: str) -> list[tuple[int, list[Place]]]:
         names = os.listdir(resolved(results, place))
     except (InputError, OSError):
         return []
-    numbers = sorted(int(name) for name in names if name.isdecimal())[:_MOST_RUNS]
+    numbers = sorted(map(int, filter(is_run_number, names)))[:_MOST_RUNS]
     found = (
         (number, rough_way(results, f"{place}/{number}", _PLACES if i < _MOST_WAYS else 1))
         for i, number in enumerate(numbers)

@@ -33,6 +33,7 @@ from robovast.execution.local.store import explained, make_campaign_folder
 from robovast.execution.local.stored_inputs import check_inputs, copy_inputs, read_inputs
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant
+from robovast.model.naming import is_run_number
 from robovast.model.packs import Block, PlanSpec
 from robovast.model.plan import plan_runs
 
@@ -81,7 +82,7 @@ def find_run(folder: Path) -> StoredRun:
     """
     folder = Path(os.path.realpath(folder))  # `..` leads out of the run's folder, not of a link
     record = read_run_record(folder)
-    if record is None or not folder.name.isdecimal():
+    if record is None or not is_run_number(folder.name):
         raise InputError(f"{folder}: {_why_no_run(folder)}")
     if not record.finished:
         raise InputError(f"{folder}: was interrupted, so that there is nothing to compare with.")

@@ -22,7 +22,7 @@ from robovast.campaign.records import Circumstances, EndedRun, make_record
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.local.session import Session
 from robovast.execution.local.stored_inputs import check_plain
-from robovast.model.naming import campaign_folder_name
+from robovast.model.naming import campaign_folder_name, is_run_number
 from robovast.model.plan import Run
 
 _NAMED = 3
@@ -153,7 +153,7 @@ def first_free_job(layout: Layout) -> int:
     """The number after that of the last job."""
     names = os.listdir(layout.jobs) if layout.jobs.is_dir() else ()
     numbers = (name.removeprefix("job-") for name in names)
-    return max((int(number) for number in numbers if number.isdecimal()), default=-1) + 1
+    return max((int(number) for number in numbers if is_run_number(number)), default=-1) + 1
 
 
 def _set_aside(layout: Layout, run: Run) -> None:
