@@ -56,9 +56,9 @@ def _check_names(archive: Path, campaign: Path) -> None:
                 f"{archive}: refused, because the name `{one_line(path.name)}` in it has "
                 "characters that terminals obey and do not show. Nothing was imported."
             )
-    for path in Layout(campaign).misnumbered_runs():
+    for run in Layout(campaign).misnumbered_runs():
         raise InputError(
-            f"{archive}: refused, because `{path}` cannot be the folder of a run: numbers of runs "
+            f"{archive}: refused, because `{run}` cannot be the folder of a run: numbers of runs "
             "have at most nine digits and no leading zeros. Rename it. Nothing was imported."
         )
 
