@@ -18,7 +18,7 @@ from typing import IO
 
 from . import cache, debian, leftovers
 from .commands import run
-from .errors import StartFailed
+from .errors import StartFailed, Unavailable
 
 NETNS = Path("/run/netns")
 CGROUP = "robovast-testbed"
@@ -118,8 +118,10 @@ def session(name: str) -> Iterator[Bed]:
 
     Testbeds whose sessions have crashed are removed first.
 
-    :raises Unavailable: without root.
+    :raises Unavailable: without root, or with ``ROBOVAST_TESTBED=off``.
     """
+    if os.environ.get("ROBOVAST_TESTBED") == "off":
+        raise Unavailable("real engines are off; `scripts/test --all` starts them")
     debian.require("ip", "nsenter")
     sweep()
     with _lock(name) as handle:

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from . import leftovers
+from .errors import Unavailable
 
 
 def root() -> Path:
@@ -44,12 +45,16 @@ def once(key: str, make: Callable[[Path], None]) -> Path:
     """Return the cached folder `key`, calling `make` with an empty folder to fill when missing.
 
     Safe in parallel; a folder appears only when it is complete.
+
+    :raises Unavailable: it is missing, with ``ROBOVAST_TESTBED=off``.
     """
     target = root() / "store" / key
     if target.exists():
         with contextlib.suppress(OSError):  # a cache of somebody else
             os.utime(target)
         return target
+    if os.environ.get("ROBOVAST_TESTBED") == "off":
+        raise Unavailable(f"{key} is not built; `scripts/test --all` builds it")
     with locked(key):
         if target.exists():
             return target
