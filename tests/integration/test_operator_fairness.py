@@ -20,7 +20,7 @@ from support.kube.operator_process import (
 )
 from support.patience import eventually
 
-SOON = 15.0
+SOON = 8.0
 """Time that the plans of large documents may keep the operator from a small Campaign [s]."""
 SLOWER = 4
 """How many times as long it may take as with an operator that has nothing else to do."""

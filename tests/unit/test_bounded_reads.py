@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,6 +56,18 @@ def test_a_file_that_the_user_named_is_read_through_links(tmp_path: Path, read: 
     (tmp_path / "real").write_text("text")
     (tmp_path / "link").symlink_to("real")
     assert read(tmp_path / "link") in ("text", b"text")  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("read", [read_content, read_text])
+def test_a_small_file_takes_little_memory(tmp_path: Path, read: object) -> None:
+    (tmp_path / "small").write_text("text")
+    tracemalloc.start()
+    try:
+        read(tmp_path / "small")  # type: ignore[operator]
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 1 << 20
 
 
 @pytest.mark.parametrize("read", [read_content, read_text])

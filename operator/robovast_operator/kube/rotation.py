@@ -15,6 +15,8 @@ class Rotation(Generic[T]):
     def __init__(self) -> None:
         self._groups: OrderedDict[str, deque[T]] = OrderedDict()
         """The items of each group that has some; the group whose turn is next comes first."""
+        self._last: str | None = None
+        """The group that had the last turn: whoever comes before the next turn precedes it."""
 
     def add(self, group: str, item: T) -> None:
         """Add an item behind those of its group; a group without items gets the last turn."""
@@ -26,13 +28,13 @@ class Rotation(Generic[T]):
         Args:
             may: whether a group may have a turn; a group that may not keeps its place.
         """
-        group = next(filter(may, self._groups), None)
+        if self._last in self._groups:
+            self._groups.move_to_end(self._last)
+        self._last = group = next(filter(may, self._groups), None)
         if group is None:
             return None
         items = self._groups[group]
         item = items.popleft()
-        if items:
-            self._groups.move_to_end(group)
-        else:
+        if not items:
             del self._groups[group]
         return item

@@ -24,6 +24,7 @@ MOST = 8 << 20
 """Largest file of one run that is read into memory [bytes]; parsed data takes much more."""
 MOST_OF_ALL = 1 << 30
 """Largest file whose size grows with the number of runs [bytes]."""
+_PART = 1 << 16
 DEEPEST = 200
 """Most levels of folders that are copied."""
 MOST_HOLES = 1 << 30
@@ -53,6 +54,18 @@ def open_file(path: Path, root: Path | None = None) -> BufferedReader:
         return os.fdopen(_open_regular(folder, name, path), "rb")
 
 
+def read_at_most(file: BinaryIO, most: int) -> bytes:
+    """The next bytes of a file, as many as it has, but at most `most`.
+
+    `file.read(most)` would reserve memory for `most` bytes, however small the file is.
+    """
+    parts = []
+    while part := file.read(min(most, _PART)):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
+
+
 def read_file(path: Path, root: Path | None = None, most: int = MOST) -> bytes:
     """Read a regular file; see `open_file`.
 
@@ -60,7 +73,8 @@ def read_file(path: Path, root: Path | None = None, most: int = MOST) -> bytes:
         OSError: as in `open_file`, or it has more than `most` bytes.
     """
     with open_file(path, root) as file:
-        content = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else None
+        fits = os.fstat(file.fileno()).st_size <= most
+        content = read_at_most(file, most + 1) if fits else None
     if content is None or len(content) > most:
         raise OSError(errno.EFBIG, f"is larger than {most >> 20} MiB", str(path))
     return content
@@ -79,7 +93,7 @@ def read_end(path: Path, root: Path, most: int, begin: int = 0) -> tuple[bytes, 
         size = os.fstat(file.fileno()).st_size
         begin = max(begin if begin <= size else 0, size - most)
         file.seek(begin)
-        found = file.read(most)
+        found = read_at_most(file, most)
         return found, begin + len(found)
 
 

@@ -12,6 +12,7 @@ from io import BufferedReader
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.base.safe_paths import read_at_most
 
 _FLAGS = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 
@@ -75,7 +76,7 @@ def read_small(root: Path, relative: str, limit: int = 1 << 20) -> bytes:
         InputError: the file is larger than `limit` [bytes]; see also `resolved`.
     """
     with open_inside(root, relative) as file:
-        content = file.read(limit + 1)
+        content = read_at_most(file, limit + 1)
     if len(content) > limit:
         raise InputError(f"{relative} is larger than {limit} bytes.")
     return content

@@ -46,6 +46,15 @@ def test_each_item_is_taken_once_in_order_and_no_namespace_waits_for_two_of_anot
     assert not any(waiting.values())
 
 
+def test_who_comes_during_a_turn_is_next() -> None:
+    rotation: Rotation[str] = Rotation()
+    for item in ("first", "second"):
+        rotation.add("many", item)
+    assert rotation.take() == "first"
+    rotation.add("few", "one")
+    assert [rotation.take(), rotation.take(), rotation.take()] == ["one", "second", None]
+
+
 @given(st.integers(1, 200), st.integers(1, 3))
 def test_a_campaign_waits_for_few_of_another_namespace(many: int, others: int) -> None:
     """Its turn comes after one Campaign of each other namespace, however many those have."""

@@ -183,16 +183,17 @@ class McapFile:
         after = place + _RECORD.size + length
         is_cut = opcode == Opcode.CHUNK and _end_of_chunk(read, place) == after
         begin = max(self._part, self.blocks[-1].place if self.blocks else 0) + 1
-        appended = _appended(read, begin, size if is_cut else place)
+        following = None if is_cut else _next(read, place + 1, size, self._bound)
+        end = place if following is None else following + len(MAGIC)
+        appended = _appended(read, begin, size if is_cut else end)
         if appended:
             self._fault(f"is cut off at byte {appended}, where another recording begins")
             self._part = appended
-            if appended > place:
+            if is_cut and appended > place:
                 self._add(file, opcode, head, place, appended)
-            elif self.blocks:
+            elif appended < place and self.blocks:
                 self.blocks[-1].cut(appended)
             return appended
-        following = None if is_cut else _next(read, place + 1, size, self._bound)
         if following is None and after > size and 0 < opcode < _PRIVATE:
             self._fault(_NO_END)
             self._add(file, opcode, head, place, size)

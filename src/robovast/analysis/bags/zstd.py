@@ -9,6 +9,8 @@ from typing import BinaryIO
 
 import zstandard
 
+from robovast.base.safe_paths import read_at_most
+
 MAGIC = b"\x28\xb5\x2f\xfd"
 _HIGHEST_RATIO = 200
 """Most bytes that a byte of a file may stand for, unless they are few."""
@@ -26,7 +28,7 @@ def decompressed(data: bytes, most: int) -> bytes:
     size = zstandard.frame_content_size(data)  # negative if the frame does not state it
     limit = most if size < 0 else min(most, size)
     with zstandard.ZstdDecompressor().stream_reader(data) as stream:
-        content: bytes = stream.read(limit + 1)
+        content = read_at_most(stream, limit + 1)
     if len(content) > limit or size > most:
         raise ValueError(f"it is larger than {limit} bytes")
     return content

@@ -9,7 +9,7 @@ from hashlib import sha512
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
@@ -300,6 +300,7 @@ def test_no_changed_opcode_of_a_message_is_silent(
     cut=st.integers(0, 60),
     compression=st.sampled_from(CompressionType),
 )
+@example(counts=[1, 1, 35, 38], topics=list("abcd"), cut=17, compression=CompressionType.NONE)
 def test_appended_recordings_are_read_with_their_own_topics(
     tmp_path_factory: pytest.TempPathFactory,
     counts: list[int],
