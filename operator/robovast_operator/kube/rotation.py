@@ -15,7 +15,7 @@ class Rotation(Generic[T]):
     def __init__(self) -> None:
         self._groups: OrderedDict[str, deque[T]] = OrderedDict()
         """The items of each group that has some; the group whose turn is next comes first."""
-        self._last: str | None = None
+        self._last = ""
         """The group that had the last turn: whoever comes before the next turn precedes it."""
 
     def add(self, group: str, item: T) -> None:
@@ -30,9 +30,10 @@ class Rotation(Generic[T]):
         """
         if self._last in self._groups:
             self._groups.move_to_end(self._last)
-        self._last = group = next(filter(may, self._groups), None)
+        group = next(filter(may, self._groups), None)
         if group is None:
             return None
+        self._last = group
         items = self._groups[group]
         item = items.popleft()
         if not items:
