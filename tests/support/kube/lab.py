@@ -30,8 +30,8 @@ ROOT = Path(__file__).parents[3]
 VAST = Path(sys.executable).with_name("vast")
 SYSTEM = "robovast-system"
 
-BOOKKEEPING = re.compile(r"_execution/|_transient/(owner\.json|variants|bad-runs-)")
-"""What a campaign's bucket says of itself: whose it is, what is to be run, what to repeat."""
+BOOKKEEPING = re.compile(r"\.imported|_execution/|_transient/(owner\.json|variants|bad-runs-)")
+"""What a download or a bucket says of itself: whose it is, what is to be run, what to repeat."""
 
 QUICK = """\
 version: 1

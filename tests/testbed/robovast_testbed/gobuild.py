@@ -13,9 +13,11 @@ from .errors import Unavailable
 
 OWN_SOURCES = Path(__file__).parent.parent / "go"
 COMPILER = {"CGO_ENABLED": "0", "GOGC": "400", "GOMEMLIMIT": "2GiB"}
-"""Environment of the compiler. It collects garbage rarely, which takes a third less CPU time.
-
-`-dwarf=false` saves another tenth: the debugger's tables are not kept anyway."""
+"""Environment of the compiler. It collects garbage rarely, which takes a third less CPU time."""
+FAST = "-dwarf=false"
+"""Flags for programs that work all the time. They make no debugger's tables, which are not kept."""
+QUICK = f"{FAST} -l"
+"""Flags for all others: without inlining they are built by a quarter faster, and run slower."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ def build(program: Program) -> Path:
             copy = Path(scratch) / "module"
             shutil.copytree(source(program.module, program.version), copy)
             run(["chmod", "-R", "u+w", copy])
-            _compile(copy, program.package, folder / program.name, program.ldflags, program.tags)
+            output, flags = folder / program.name, (QUICK, program.ldflags, program.tags)
+            _compile(copy, program.package, output, *flags)
 
     return cache.once(f"go/{program.name}-{program.version}", make) / program.name
 
@@ -52,7 +55,8 @@ def build_own(name: str, ldflags: str = "", tags: str = "", modfile: str = "") -
     folder = OWN_SOURCES / name
 
     def make(target: Path) -> None:
-        _compile(folder, ".", target / name, ldflags, tags, modfile)
+        compiler = QUICK if modfile else FAST
+        _compile(folder, ".", target / name, compiler, ldflags, tags, modfile)
 
     key = f"go/{name}-{cache.digest([folder], ldflags, tags, modfile)}"
     return cache.once(key, make) / name
@@ -76,12 +80,13 @@ def _compile(
     folder: Path,
     package: str,
     output: Path,
+    compiler: str,
     ldflags: str = "",
     tags: str = "",
     modfile: str = "",
 ) -> None:
     command: list[str | Path] = [
-        *(_go(), "build", "-p", "2", "-trimpath", "-buildvcs=false", "-gcflags=all=-dwarf=false"),
+        *(_go(), "build", "-p", "2", "-trimpath", "-buildvcs=false", f"-gcflags=all={compiler}"),
         *(("-modfile", modfile) if modfile else ()),
         *("-tags", tags, "-ldflags", f"-s -w {ldflags}".strip(), "-o", output, package),
     ]
