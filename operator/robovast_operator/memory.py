@@ -114,10 +114,8 @@ class Motion:
 class Judged:
     """What the pods of a Job show by our own containers."""
 
-    at: float
-    """When they were read."""
-    finished: str
-    """End of the Job as of then."""
+    finished: str = ""
+    """End of the Job when they were read."""
     foreign: bool = False
     """Whether they have containers that are not ours."""
     over: int = 0
@@ -139,6 +137,10 @@ class PodsCache:
     """By Job: its failed indexes, and the reports of their pods."""
     judged: dict[str, Judged] = field(default_factory=dict)
     """Of `effects.own_pods`, by uid of a Job."""
+    judged_at: float = -math.inf
+    """When it last read pods that have not ended."""
+    foreign: bool = False
+    """Whether it found containers that are not ours in pods that have not ended."""
     mishaps: dict[str, Sequence[Mishap]] = field(default_factory=dict)
     """By Job: the first of its pods."""
     finals: dict[str, Final] = field(default_factory=dict)

@@ -163,7 +163,7 @@ class Reconciler:
         jobs = self._store.jobs_of(key, identity.uid)
         judged = await self._own_pods.judge({**jobs, **deliveries}, memory.pods)
         jobs = {name: judged[name] for name in jobs}
-        if any(seen.foreign and not seen.finished for seen in memory.pods.judged.values()):
+        if memory.pods.foreign:
             self._queue.add(key, LOOK_SECONDS)  # the Job does not change when our containers end
         if "deletionTimestamp" in obj["metadata"]:
             await self._deleted(obj, memory, jobs)

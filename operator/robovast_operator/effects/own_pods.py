@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from robovast.kubeapi.resources import SHARD_ROLE
@@ -28,11 +28,15 @@ from robovast_operator.pods.pod_status import index_of
 from robovast_operator.pods.reports import reports_of
 
 LOOK_SECONDS = 10.0
-"""Shortest time between two readings of a Job's pods [s]."""
+"""Shortest time between two readings of a campaign's pods [s]."""
+
+RARELY = 300.0
+"""Longest time between two readings while pods are not ready [s]."""
 
 MOST = 1000
 """Most pods of a Job that are read."""
 
+_UID = "batch.kubernetes.io/controller-uid"
 _ALIVE = "status.phase!=Failed,status.phase!=Succeeded"
 
 
@@ -45,33 +49,46 @@ class OwnPods:
     async def judge(self, jobs: Mapping[str, JobState], known: PodsCache) -> dict[str, JobState]:
         """Return Jobs with counts and ends as our own containers show them.
 
-        The pods of a Job are read only if some are not ready, or if a task of ours has failed.
+        The pods of a campaign are read by one request, and only if some are not ready, or if a
+        task of ours has failed.
 
         Args:
             jobs: by name.
             known: cache of the Campaign.
         """
         uids = {job.uid for job in jobs.values()}
-        known.judged = {uid: found for uid, found in known.judged.items() if uid in uids}
-        return {name: await self._judge(job, known) for name, job in jobs.items()}
+        known.judged = {uid: seen for uid, seen in known.judged.items() if uid in uids}
+        waiting = [job for job in jobs.values() if _waits(job)]
+        lost = [job for job in jobs.values() if _is_lost(job)]
+        foreign = any(seen.foreign for seen in known.judged.values())
+        pause = pause_of(known.motion.fruitless_for(), foreign=foreign)
+        if waiting and time.monotonic() - known.judged_at >= pause:
+            await self._look(waiting, known, fieldSelector=_ALIVE)
+            known.judged_at = time.monotonic()
+        if new := [job for job in lost if not known.judged.get(job.uid, Judged()).finished]:
+            await self._look(new, known)
+        seen = {job: known.judged.get(job.uid, Judged()) for job in (*waiting, *lost)}
+        known.foreign = any(seen[job].foreign for job in waiting)
+        return {**jobs, **{job.name: _corrected(job, seen[job]) for job in seen}}
 
-    async def _judge(self, job: JobState, known: PodsCache) -> JobState:
-        waits = job.open and not job.suspended and job.active > job.ready
-        lost = job.finished == "Failed" and job.role != SHARD_ROLE
-        if job.elsewhere or not (waits or lost):
-            return job
-        seen = known.judged.get(job.uid)
-        if seen is None or seen.finished != job.finished or (waits and _is_old(seen)):
-            seen = known.judged[job.uid] = await self._look(job, seen)
-        return _corrected(job, seen)
+    async def _look(self, jobs: Sequence[JobState], known: PodsCache, **fields: str) -> None:
+        """Read the pods of Jobs."""
+        pods: dict[str, list[Object]] = {job.uid: [] for job in jobs}
+        selector = f"{_UID} in ({','.join(pods)})"
+        path = paths.pods(jobs[0].namespace)
+        async for pod in self._api.list(path, labelSelector=selector, **fields):
+            found = pods.get(pod["metadata"].get("labels", {}).get(_UID), [])
+            if len(found) < MOST:
+                found.append(pod)
+        for job in jobs:
+            before = known.judged.get(job.uid, Judged())
+            known.judged[job.uid] = await self._judged(job, pods[job.uid], before)
 
-    async def _look(self, job: JobState, before: Judged | None) -> Judged:
-        """Read the pods of a Job, only one if nothing is added to that."""
-        known = before.reports if before is not None else {}
-        seen = Judged(time.monotonic(), job.finished, reports=known)
-        if job.open and not any(map(foreign_names, await self._pods(job, 1))):
+    async def _judged(self, job: JobState, pods: Sequence[Object], before: Judged) -> Judged:
+        """What the pods of a Job show; those whose work is done are ended."""
+        seen = Judged(job.finished, reports=before.reports)
+        if job.open and not any(map(foreign_names, pods)):
             return seen
-        pods = await self._pods(job, MOST)
         alive = [pod for pod in pods if is_alive(pod)]
         due = [pod for pod in alive if is_to_be_ended(pod, now())]
         await few_at_once(self._end(pod) for pod in due)
@@ -83,20 +100,8 @@ class OwnPods:
             foreign=True,
             over=sum(bool(main_ending(pod)) for pod in alive),
             at_work=sum(map(is_at_work, alive)),
-            reports={**known, **reports_of(filter(has_verdict, pods))},
+            reports={**before.reports, **reports_of(filter(has_verdict, pods))},
         )
-
-    async def _pods(self, job: JobState, most: int) -> list[Object]:
-        selector = f"batch.kubernetes.io/controller-uid={job.uid}"
-        wanted = {"labelSelector": selector, **({"fieldSelector": _ALIVE} if job.open else {})}
-        if most == 1:
-            wanted["limit"] = "1"
-        found: list[Object] = []
-        async for pod in self._api.list(paths.pods(job.namespace), **wanted):
-            found.append(pod)
-            if len(found) >= most:
-                break
-        return found
 
     async def _end(self, pod: Object) -> None:
         """End a pod whose work is done.
@@ -108,8 +113,29 @@ class OwnPods:
         await self._api.patch(path, {"spec": {"activeDeadlineSeconds": 1}})
 
 
-def _is_old(seen: Judged) -> bool:
-    return time.monotonic() - seen.at >= LOOK_SECONDS
+def pause_of(fruitless: float, *, foreign: bool) -> float:
+    """Return how long the pods of a campaign are not read again [s].
+
+    A pod that others keep alive occupies the place of the next one. So the more such pods there
+    are, the sooner no job ends any more.
+
+    Args:
+        fruitless: for how long no job has ended [s].
+        foreign: whether pods are known to have containers that are not ours.
+    """
+    if foreign:
+        return LOOK_SECONDS
+    return RARELY if fruitless < LOOK_SECONDS else min(RARELY, max(LOOK_SECONDS, fruitless / 2))
+
+
+def _waits(job: JobState) -> bool:
+    """Whether pods of a Job are not ready."""
+    return job.open and not (job.suspended or job.elsewhere) and job.active > job.ready
+
+
+def _is_lost(job: JobState) -> bool:
+    """Whether a task of ours has failed, perhaps by a container that is not ours."""
+    return job.finished == "Failed" and job.role != SHARD_ROLE and not job.elsewhere
 
 
 def _corrected(job: JobState, seen: Judged) -> JobState:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import re
+import time
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -38,6 +40,7 @@ from robovast_operator.pods.stalls import may_store
 from robovast_operator.pods.verdicts import ShardRuns, tally_of
 
 NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)
+CONTROLLER = "batch.kubernetes.io/controller-uid"
 OURS = ("compat-version", "agent", "robovast")
 PASSED = '{"passed": "0", "failed": "", "errored": ""}'
 
@@ -61,6 +64,7 @@ def pod(
     index: int = 0,
     own: tuple[str, ...] = OURS,
     role: str = "shard",
+    job: str = "drive-0",
     **more: Any,
 ) -> Any:
     initial = initial or {}
@@ -68,9 +72,9 @@ def pod(
         {
             "metadata": {
                 "namespace": "lab",
-                "name": f"drive-0-{index}",
+                "name": f"{job}-{index}",
                 "creationTimestamp": format_time(NOW),
-                "labels": {"robovast.io/role": role},
+                "labels": {"robovast.io/role": role, CONTROLLER: f"uid-{job}"},
                 "annotations": {
                     "batch.kubernetes.io/job-completion-index": str(index),
                     CONTAINERS_ANNOTATION: " ".join(own),
@@ -246,30 +250,104 @@ def test_a_stall_names_the_container_that_blocks(initial: dict[str, Any]) -> Non
 
 
 class FakeApi:
-    """Lists pods and takes patches."""
+    """Lists the pods of Jobs and takes patches."""
 
     def __init__(self, pods: list[Any]) -> None:
         self.pods = pods
         self.patched: list[str] = []
+        self.asked = 0
 
-    async def list(self, path: str, **parameters: str) -> AsyncIterator[Any]:
-        for found in self.pods[: int(parameters.get("limit", 1000))]:
-            yield found
+    async def list(self, path: str, labelSelector: str, **_: str) -> AsyncIterator[Any]:  # noqa: N803
+        self.asked += 1
+        chosen = re.fullmatch(rf"{CONTROLLER} in \((.*)\)", labelSelector)
+        assert chosen
+        for found in self.pods:
+            if found["metadata"]["labels"][CONTROLLER] in chosen[1].split(","):
+                yield found
 
     async def patch(self, path: str, patch: Any) -> None:
         assert patch == {"spec": {"activeDeadlineSeconds": 1}}
         self.patched.append(path.rpartition("/")[2])
 
 
+def judge(api: FakeApi, jobs: list[JobState], known: PodsCache) -> list[JobState]:
+    given = {job.name: job for job in jobs}
+    found = asyncio.run(OwnPods(api).judge(given, known))  # type: ignore[arg-type]
+    return [found[name] for name in given]
+
+
 def judged(api: FakeApi, job: JobState) -> tuple[JobState, PodsCache]:
     known = PodsCache()
-    found = asyncio.run(OwnPods(api).judge({job.name: job}, known))  # type: ignore[arg-type]
-    return found[job.name], known
+    return judge(api, [job], known)[0], known
 
 
-def job(role: str = "shard", size: int = 4, **more: Any) -> JobState:
-    state: JobState = FakeJob("drive-0", role, size, size).state()
+def job(role: str = "shard", size: int = 4, name: str = "drive-0", **more: Any) -> JobState:
+    state: JobState = FakeJob(name, role, size, size).state()
     return replace(state, **{"ready": 0, **more})
+
+
+def pass_by(known: PodsCache, seconds: float, *, moving: bool = False) -> None:
+    """The time goes by, with or without the ends of jobs."""
+    known.judged_at -= seconds
+    known.motion.progressed = time.monotonic() if moving else known.motion.progressed - seconds
+
+
+PODS = st.lists(st.integers(1, 5), min_size=1, max_size=4)
+
+
+@given(PODS, st.data())
+def test_an_added_container_is_noticed_in_any_pod(sizes: list[int], data: st.DataObject) -> None:
+    """A mesh that is enabled later shows only in the pods that are created since then."""
+    jobs = [job(name=f"drive-{number}", size=size) for number, size in enumerate(sizes)]
+    states = {"agent": running(), "robovast": running()}
+    pods = [pod("Running", states, index=n, job=j.name) for j in jobs for n in range(j.size)]
+    api, known = FakeApi(pods), PodsCache()
+    assert judge(api, jobs, known) == jobs
+    place = data.draw(st.integers(0, len(pods) - 1))
+    index, name = data.draw(st.sampled_from([(n, j.name) for j in jobs for n in range(j.size)]))
+    stored = {"agent": ended(0, message=PASSED), "robovast": ended(0), "mesh": running()}
+    api.pods = [p for p in pods if p["metadata"]["name"] != f"{name}-{index}"]
+    api.pods.insert(place, pod("Running", stored, index=index, job=name))
+    pass_by(known, 11)
+    found = judge(api, jobs, known)
+    changed = [
+        replace(j, active=j.size - 1, ready=j.size - 1) if j.name == name else j for j in jobs
+    ]
+    assert found == changed
+    assert sorted(known.judged[f"uid-{name}"].reports) == [index]
+    assert (api.asked, api.patched, known.foreign) == (2, [f"{name}-{index}"], True)
+
+
+@given(st.lists(st.tuples(st.booleans(), st.integers(1, 9)), max_size=20))
+def test_pods_are_not_read_while_jobs_end(steps: list[tuple[bool, int]]) -> None:
+    api, known = FakeApi([pod("Running", {"agent": running()})]), PodsCache()
+    judge(api, [job()], known)
+    still = 0
+    for moving, seconds in steps:
+        before, still = api.asked, 0 if moving else still + seconds
+        pass_by(known, seconds, moving=moving)
+        judge(api, [job()], known)
+        assert still >= 10 or api.asked == before
+
+
+@pytest.mark.parametrize(("moving", "most"), [(True, 13), (False, 24)])
+def test_pods_without_added_containers_are_read_rarely(moving: bool, most: int) -> None:
+    api, known = FakeApi([pod("Running", {"agent": running()})]), PodsCache()
+    for _ in range(360):
+        pass_by(known, 10, moving=moving)
+        judge(api, [job()], known)
+    assert 10 < api.asked <= most, "in an hour"
+
+
+def test_the_pods_of_ended_jobs_are_not_read_again() -> None:
+    states = {"agent": ended(0, message=PASSED), "robovast": ended(0), "mesh": running()}
+    api, known = FakeApi([pod("Running", states)]), PodsCache()
+    judge(api, [job(size=1)], known)
+    assert known.foreign
+    over = job(size=1, active=0, finished="Complete", completed="0")
+    pass_by(known, 1000)
+    assert judge(api, [over], known) == [over]
+    assert (known.foreign, api.asked) == (False, 1)
 
 
 @given(st.lists(st.sampled_from(["starts", "runs", "stored"]), min_size=1, max_size=8))
@@ -313,14 +391,6 @@ def test_a_task_is_complete_when_our_container_has_ended_well(role: str) -> None
     assert judged(FakeApi([ended_pod]), lost)[0].finished == "Complete"
     bad = pod("Failed", {role: ended(65), "mesh": ended(0)}, own=own, role=role)
     assert judged(FakeApi([bad]), lost)[0].finished == "Failed"
-
-
-def test_jobs_without_added_containers_cost_one_small_request() -> None:
-    pods = [pod("Running", {"agent": ended(0), "robovast": running()}, index=n) for n in range(3)]
-    before = job()
-    found, known = judged(FakeApi(pods), before)
-    assert found == before
-    assert not known.judged[before.uid].foreign
 
 
 FILES = {"scenario.osc": SCENARIO.encode()}
