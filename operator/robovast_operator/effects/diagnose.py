@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncIterator, Collection, Mapping
+from collections.abc import AsyncIterator, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -25,7 +25,8 @@ from robovast_operator.pods.admission import explain
 from robovast_operator.pods.findings import MISHAPS, PodFindings, Trouble
 from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.pods.own import OWN
-from robovast_operator.pods.pod_status import is_stuck, trouble_of, trouble_of_events
+from robovast_operator.pods.pod_events import hook_trouble, last_success, trouble_of_events
+from robovast_operator.pods.pod_status import is_stuck, trouble_of
 from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
 from robovast_operator.pods.stalls import RECOVERY, cause_of, may_store, unseen_cause
 from robovast_operator.pods.verdicts import Report
@@ -238,19 +239,27 @@ class Diagnosis:
             known.stuck.add(job.name)
         silence = self._settings.silence_minutes * 60
         found = cause_of(seen, job, now(), silence, at_work=at_work)
-        if at_work:
-            return found
         pending = [pod for pod in seen if pod["status"].get("phase") == "Pending"]
-        names = [pod["metadata"]["name"] for pod in pending or seen] or [job.name]
-        if found is None and (seen or not job.active):
-            told = self._api.list(
-                paths.events(job.namespace),
-                fieldSelector=f"type=Warning,involvedObject.name={names[0]}",
-            )
-            found = trouble_of_events([event async for event in _first(told)])
-            if found is not None and found.reason in {"Quota", "Refused"}:
-                found = replace(found, message=await self._explained(job, found.message))
-        return found
+        if found or at_work or (job.active and not pending):
+            return found
+        return await self._trouble_of_events(job, seen, pending)
+
+    async def _trouble_of_events(
+        self, job: JobState, seen: Sequence[Object], pending: Sequence[Object]
+    ) -> Trouble | None:
+        """Why no pod of a Job starts: of the one that waits for longest, or of the Job itself."""
+        stuck = min(pending, key=last_success, default=None)
+        uid = job.uid if stuck is None else stuck["metadata"]["uid"]
+        found = self._api.list(
+            paths.events(job.namespace), fieldSelector=f"involvedObject.uid={uid}"
+        )
+        events = [event async for event in _first(found)]
+        if stuck is not None:
+            return hook_trouble(stuck, events) or trouble_of_events(events, last_success(stuck))
+        trouble = trouble_of_events(events, last_success(*seen, since=job.started))
+        if trouble is None or trouble.reason not in {"Quota", "Refused"}:
+            return trouble
+        return replace(trouble, message=await self._explained(job, trouble.message))
 
     async def _explained(self, job: JobState, refusal: str) -> str:
         """Explain the refusal of a Job's pods by the quotas and limits of its namespace."""

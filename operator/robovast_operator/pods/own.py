@@ -37,9 +37,13 @@ def naming_containers(job: Object) -> Object:
     return named
 
 
+def container_specs(spec: Object) -> list[Object]:
+    """The containers that a pod spec asks for, in the order in which they start."""
+    return [*mappings(spec.get("initContainers")), *mappings(spec.get("containers"))]
+
+
 def _names(spec: Object) -> list[str]:
-    kinds = ("initContainers", "containers")
-    return [text(c.get("name")) for kind in kinds for c in mappings(spec.get(kind))]
+    return [text(container.get("name")) for container in container_specs(spec)]
 
 
 def foreign_names(pod: Object) -> list[str]:

@@ -50,26 +50,6 @@ _EXITS = {
 """Exit codes of our containers that are no verdicts."""
 
 
-_EVENTS = {
-    "FailedMount": "Configuration",
-    "FailedCreatePodSandBox": "Container",
-    "FailedCreate": "Refused",
-}
-"""Reasons that only Events give, and the cause in plain words."""
-
-
-def trouble_of_events(events: Iterable[Object]) -> Trouble | None:
-    """Why a pod is not created or does not start, from Events; the latest counts."""
-    found = None
-    for item in events:
-        reason = _EVENTS.get(text(item.get("reason")))
-        if reason is not None:
-            message = text(item.get("message"))
-            quota = reason == "Refused" and "exceeded quota" in message
-            found = Trouble("Quota" if quota else reason, message)
-    return found
-
-
 STUCK_SECONDS = 60.0
 TRACKING = "batch.kubernetes.io/job-tracking"
 
@@ -139,19 +119,25 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
 
 def _foreign_troubles(pod: Object) -> Iterator[Trouble]:
     """How containers that are not ours block a pod, or keep it alive."""
-    name = text(pod["metadata"].get("name"))
+    for container, how in blocking(pod):
+        yield foreign_trouble(pod, container, how)
+    if left := lingers(pod):
+        told = ", and keeps the pod alive although the work of the pod is done"
+        yield _of_foreign(pod, left[0], told)
+
+
+def foreign_trouble(pod: Object, container: str, how: str) -> Trouble:
+    """The trouble that a container that is not ours keeps runs from starting."""
+    return _of_foreign(pod, container, f". The runs cannot start because that container {how}")
+
+
+def _of_foreign(pod: Object, container: str, told: str) -> Trouble:
+    who = f"The container {container} in the pod {text(pod['metadata'].get('name'))}"
     remedy = (
         "Ask your cluster administrator why this container is added, or exclude the pods of the "
         "campaign by `spec.scheduling.podAnnotations` or `spec.scheduling.podLabels`."
     )
-    for container, how in blocking(pod):
-        who = f"The container {container} in the pod {name} is not part of the campaign"
-        told = f"{who}. The runs cannot start because that container {how}. {remedy}"
-        yield Trouble("ForeignContainer", told)
-    if left := lingers(pod):
-        who = f"The container {left[0]} in the pod {name} is not part of the campaign"
-        told = f"{who}, and keeps the pod alive although the work of the pod is done. {remedy}"
-        yield Trouble("ForeignContainer", told)
+    return Trouble("ForeignContainer", f"{who} is not part of the campaign{told}. {remedy}")
 
 
 _ORDINARY = frozenset(

@@ -17,7 +17,7 @@ from robovast_operator.kube.conditions import dated
 from robovast_operator.kube.events import messages
 from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.work_queue import WorkQueue, work
-from robovast_operator.pods.pod_status import is_stuck, sighted, trouble_of, trouble_of_events
+from robovast_operator.pods.pod_status import is_stuck, sighted, trouble_of
 from robovast_operator.pods.reports import composed_of, final_of, given_up_of, reports_of
 from robovast_operator.pods.verdicts import Report
 
@@ -242,21 +242,6 @@ def test_a_deleted_pod_that_its_job_holds_for_long_is_stuck() -> None:
     held["status"]["phase"] = "Running"
     assert not is_stuck(held, moment)
     assert not is_stuck(pod(0), moment)
-
-
-@pytest.mark.parametrize(
-    ("reason", "message", "told"),
-    [
-        ("FailedMount", 'secret "nowhere" not found', "Configuration"),
-        ("FailedCreate", "exceeded quota: small", "Quota"),
-        ("FailedCreate", "violates PodSecurity", "Refused"),
-    ],
-)
-def test_what_only_events_tell_is_told(reason: str, message: str, told: str) -> None:
-    found = trouble_of_events([{"reason": "BackOff"}, {"reason": reason, "message": message}])
-    assert found is not None
-    assert (found.reason, found.message) == (told, message)
-    assert trouble_of_events([{"reason": "BackOff"}]) is None
 
 
 def test_what_is_seen_of_a_pod_is_the_image_of_its_run_and_that_it_lacked_memory() -> None:

@@ -25,7 +25,8 @@ from robovast_operator.kube.times import format_time, now
 from robovast_operator.memory import PodsCache
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.own import CONTAINERS_ANNOTATION
-from robovast_operator.pods.pod_status import trouble_of_events, troubles_of
+from robovast_operator.pods.pod_events import trouble_of_events
+from robovast_operator.pods.pod_status import troubles_of
 from robovast_operator.pods.stalls import cause_of, unseen_cause
 from robovast_operator.pods.tries import NO_WORD
 
@@ -94,6 +95,18 @@ def pod(
 
 def waits(reason: str, message: str = "") -> dict[str, Any]:
     return {"waiting": {"reason": reason, "message": message}}
+
+
+HOUR = timedelta(hours=1)
+
+
+def event(reason: str, minutes: float, **more: Any) -> dict[str, Any]:
+    """An Event of some minutes ago."""
+    return {
+        "reason": reason,
+        "lastTimestamp": format_time(NOW - timedelta(minutes=minutes)),
+        **more,
+    }
 
 
 DELETED = {"deletionTimestamp": format_time(NOW - timedelta(minutes=5))}
@@ -217,7 +230,7 @@ def test_the_table_of_causes_names_all_of_them() -> None:
     by_events = {
         found.reason
         for reason in ("exceeded quota", "violates PodSecurity")
-        if (found := trouble_of_events([{"reason": "FailedCreate", "message": reason}]))
+        if (found := trouble_of_events([event("FailedCreate", 0, message=reason)], NOW - HOUR))
     }
     elsewhere = {"WorkerLost", "OutOfSight"}
     by_words = by_events | elsewhere | {NO_WORD, STORING}
@@ -285,13 +298,16 @@ class Server:
 
     def __init__(self, *pods: Any) -> None:
         self.pods = pods
+        self.events: dict[str, list[Any]] = {}
         self.asked = 0
 
     async def list(self, path: str, **selection: str) -> AsyncIterator[Any]:
         self.asked += 1
-        if path.endswith("/events"):
-            return
         wanted = selection.get("fieldSelector", "")
+        if path.endswith("/events"):
+            for found in self.events.get(wanted.removeprefix("involvedObject.uid="), ()):
+                yield found
+            return
         for found in self.pods:
             if wanted != "status.phase=Failed" or found["status"]["phase"] == "Failed":
                 yield found
@@ -374,6 +390,36 @@ def test_a_stall_neither_flaps_nor_stays() -> None:
     assert campaign.pass_by(1, active=1, ready=0, completed="0") == ""
     campaign.server.pods = (pod("Pending", NO_ROOM, index=7, minutes=1),)
     assert campaign.pass_by(stall, active=1, completed="0") == "Unschedulable"
+
+
+def test_an_old_event_explains_no_stall() -> None:
+    held = pod("Pending", ready=False, compat_version=DONE, robovast=waits("PodInitializing"))
+    held["metadata"]["uid"] = "a"
+    spec = {"name": "robovast", "lifecycle": {"postStart": {"exec": {}}}}
+    held["spec"]["containers"] = [spec]
+    campaign = Campaign(held)
+    mount = event("FailedMount", 15, message="configmap not found")
+    place = {"involvedObject": {"fieldPath": "spec.containers{robovast}"}}
+    campaign.server.events = {"a": [mount]}
+    stall = SETTINGS.stall_seconds
+    assert campaign.pass_by(stall) == "Configuration"
+    campaign.server.events = {"a": [event("Pulled", 14, **place), mount]}
+    assert campaign.pass_by(10 * stall) == ""
+    campaign.server.events["a"].append(event("Started", 14, **place))
+    assert campaign.pass_by(20 * stall) == "Container"
+
+
+def test_a_job_without_pods_is_explained_by_its_own_events() -> None:
+    """Whatever is known of pods that have ended."""
+    dead = pod("Failed", minutes=8, agent=ended(75))
+    dead["metadata"]["uid"] = "a"
+    campaign = Campaign(dead)
+    stall = SETTINGS.stall_seconds
+    refused = event("FailedCreate", 9, message="violates PodSecurity")
+    campaign.server.events = {"a": [event("FailedMount", 1)], "uid-drive-0": [refused]}
+    assert campaign.pass_by(stall, active=0) == ""
+    campaign.server.events["uid-drive-0"] = [refused | event("FailedCreate", 7)]
+    assert campaign.pass_by(10 * stall, active=0) == "Refused"
 
 
 def test_pods_at_work_are_left_in_peace() -> None:

@@ -1,0 +1,111 @@
+"""Reads Events about pods that are not created or do not start. Pure functions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+
+from robovast_operator.kube.lenient import mapping, mappings, text, time
+from robovast_operator.kube.objects import Object
+from robovast_operator.kube.times import parse_time
+from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.own import container_specs, containers_of, foreign_names
+from robovast_operator.pods.pod_status import foreign_trouble
+
+_CAUSES = {
+    "FailedMount": "Configuration",
+    "FailedCreatePodSandBox": "Container",
+    "FailedCreate": "Refused",
+}
+"""Reasons that only Events give, and the cause in plain words."""
+
+_STEPS = frozenset({"Scheduled", "Pulled", "Created", "Started", "SuccessfulCreate"})
+"""Reasons of Events about what went well."""
+
+_CONDITIONS = frozenset(
+    {"PodScheduled", "PodReadyToStartContainers", "Initialized", "ContainersReady", "Ready"}
+)
+"""Conditions of a pod that are true when something went well."""
+
+
+def trouble_of_events(events: Iterable[Object], well: datetime) -> Trouble | None:
+    """Why a pod is not created or does not start; the latest Event counts.
+
+    Args:
+        events: of the pod, or of the Job that creates pods.
+        well: when something last went well for it; what Events report of before is over.
+    """
+    known = [event for event in events if text(event.get("reason")) in {*_CAUSES, *_STEPS}]
+    last = max(known, key=lambda event: (_time(event), event["reason"] in _STEPS), default={})
+    reason = _CAUSES.get(text(last.get("reason")))
+    if reason is None or _time(last) <= well:
+        return None
+    message = text(last.get("message"))
+    quota = reason == "Refused" and "exceeded quota" in message
+    return Trouble("Quota" if quota else reason, message)
+
+
+def _time(event: Object) -> datetime:
+    """When what an Event reports last happened."""
+    series, meta = mapping(event.get("series")), mapping(event.get("metadata"))
+    given = (
+        *(event.get("lastTimestamp"), event.get("eventTime")),
+        *(series.get("lastObservedTime"), meta.get("creationTimestamp")),
+    )
+    return max(parse_time(time(each)) for each in given)
+
+
+def last_success(*pods: Object, since: str = "") -> datetime:
+    """When something last went well for pods, by their status.
+
+    Args:
+        pods: any number.
+        since: when their Job began.
+    """
+    states = [
+        mapping(state)
+        for pod in pods
+        for container in containers_of(pod)
+        for kind in ("state", "lastState")
+        for state in mapping(container.get(kind)).values()
+    ]
+    conditions = [item for pod in pods for item in mappings(pod["status"].get("conditions"))]
+    given = (
+        since,
+        *(pod["metadata"].get("creationTimestamp") for pod in pods),
+        *(state.get("startedAt") for state in states),
+        *(state.get("finishedAt") for state in states if state.get("exitCode") == 0),
+        *(
+            condition.get("lastTransitionTime")
+            for condition in conditions
+            if condition.get("status") == "True" and condition.get("type") in _CONDITIONS
+        ),
+    )
+    return max(parse_time(time(each)) for each in given)
+
+
+def hook_trouble(pod: Object, events: Sequence[Object]) -> Trouble | None:
+    """The `postStart` hook that keeps a pod from starting; None if none does.
+
+    The status of a pod does not change while a hook runs: the container that has started still
+    waits there. So do those after it, whose start the kubelet begins only when the hook has ended.
+    """
+    reasons: dict[str, set[str]] = {}
+    for event in events:
+        place = text(mapping(event.get("involvedObject")).get("fieldPath"))
+        if found := re.search(r"\{(.+)\}$", place):
+            reasons.setdefault(found[1], set()).add(text(event.get("reason")))
+    begun = [spec for spec in container_specs(pod["spec"]) if spec.get("name") in reasons]
+    if not begun or not mapping(begun[-1].get("lifecycle")).get("postStart"):
+        return None
+    name = text(begun[-1].get("name"))
+    status = next((each for each in containers_of(pod) if each["name"] == name), {})
+    begins = not (status.get("ready") or mapping(status.get("state")).get("terminated"))
+    if not begins or "Started" not in reasons[name]:
+        return None
+    how = "has started, but its `postStart` hook has not finished"
+    if name in foreign_names(pod):
+        return foreign_trouble(pod, name, how)
+    told = f"the container {name} in the pod {pod['metadata']['name']} {how}. Until then"
+    return Trouble("Container", f"{told} the pod does not start.")
