@@ -17,7 +17,7 @@ from robovast.base.errors import InputError
 from robovast.evaluation.mirror import mirror
 from robovast.model.packs import Owner
 from robovast.storage.bucket_names import bucket_name
-from robovast.storage.bucket_ownership import OtherOwnerError, find_bucket, owner_of
+from robovast.storage.bucket_ownership import OWNER, OtherOwnerError, find_bucket, owner_of
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.folder_ownership import folder_for
 
@@ -98,6 +98,22 @@ def test_deleting_a_campaign_keeps_the_bucket_of_another(campaigns: list[Campaig
     assert Pod(other).task("purge") == 0
     assert Pod(other).prepare() == 73
     assert campaigns[0].verdicts() == {"one-1/0": "passed"}
+
+
+def test_deleting_a_campaign_keeps_a_bucket_without_an_owner(campaigns: list[Campaign]) -> None:
+    campaign = campaigns[0]
+    assert Pod(campaign).run() == 0
+    owner = campaign.store.read(campaign.bucket, OWNER)
+    assert owner is not None
+    campaign.store.delete(campaign.bucket, [OWNER])
+    assert Pod(campaign).task("purge") == 0
+    assert campaign.verdicts() == {"one-1/0": "passed"}
+    campaign.store.put_bytes(campaign.bucket, OWNER, owner)
+    assert Pod(campaign).task("purge") == 0
+    assert campaign.bucket not in campaign.store.buckets()
+    campaign.store.make_bucket(campaign.bucket)
+    assert Pod(campaign).task("purge") == 0
+    assert campaign.bucket not in campaign.store.buckets()
 
 
 def test_a_campaign_of_an_older_version_goes_on_and_comes_home(

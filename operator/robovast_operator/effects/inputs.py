@@ -138,7 +138,8 @@ class Inputs:
     async def begun(self, obj: Object, known: InputsCache) -> Begun | Rejected:
         """A Campaign and where its results are, whatever has gone of that which it was made from.
 
-        Its status knows what its plans would say, unless it was never looked at again.
+        Without a plan its status names the bucket. Others may have written that, so the bucket
+        must have this Campaign as its owner.
         """
         accepted = await asyncio.to_thread(accept, obj, None, self._settings)
         if isinstance(accepted, Rejected):
@@ -149,10 +150,7 @@ class Inputs:
         if planned is not None:
             return accepted, planned
         plan, status = campaign_plan(accepted, None, ()), obj.get("status") or {}
-        bucket = status.get("bucket") or plan.bucket
-        # an older version has named it
-        owner = plan.owner if bucket == plan.bucket else None
-        return accepted, plan.model_copy(update={"bucket": bucket, "owner": owner})
+        return accepted, plan.model_copy(update={"bucket": status.get("bucket") or plan.bucket})
 
     async def as_planned(
         self, obj: Object, known: InputsCache

@@ -20,7 +20,7 @@ from robovast.campaign.run_record import RunRecord, parse_run_record
 from robovast.campaign.verdict import Verdict
 from robovast.model.packs import Owner
 from robovast.model.plan import Run
-from robovast.storage.bucket_ownership import claim, is_owned
+from robovast.storage.bucket_ownership import OWNER, OtherOwnerError, claim, is_owned
 from robovast.storage.s3 import ObjectStore
 
 MOST_JOBS = 10_000
@@ -59,10 +59,13 @@ class Bucket:
         """Remove the bucket with its content, if it exists.
 
         Raises:
-            OtherOwnerError: it is another campaign's.
+            OtherOwnerError: it is another campaign's, or it has content and names no owner.
         """
-        is_owned(self.store, self.name, self._owner.uid if self._owner is not None else None)
-        self.store.delete_bucket(self.name)
+        uid = self._owner.uid if self._owner is not None else None
+        owned = is_owned(self.store, self.name, uid) or self._owner is None
+        if not owned and self.store.has_bucket(self.name) and any(self.store.objects(self.name)):
+            raise OtherOwnerError(f"the bucket {self.name} does not name its owner.")
+        self.store.delete_bucket(self.name, last=OWNER, content=owned)
 
     def record(self, run: str) -> RunRecord | None:
         """The record of a run, by `<variant>/<number>`; None when it is not stored."""

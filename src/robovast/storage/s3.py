@@ -125,19 +125,27 @@ class ObjectStore:
                 if error.code not in _TAKEN or not self._has_bucket(bucket):
                     raise
 
-    def delete_bucket(self, bucket: str) -> None:
-        """Remove a bucket with its content, if it exists."""
+    def delete_bucket(self, bucket: str, *, last: str = "", content: bool = True) -> None:
+        """Remove a bucket, if it exists.
+
+        Args:
+            bucket: its name.
+            last: key of the object that is removed after all others.
+            content: whether to remove the content. Otherwise, only an empty bucket can be removed.
+        """
         with self._explained(f"remove the bucket {bucket}"):
             if self._has_bucket(bucket):
-                self._persist(lambda: self._empty(bucket))
+                if content:
+                    self._persist(lambda: self._empty(bucket, last))
                 self._persist(lambda: self._client.remove_bucket(bucket))
 
     def _has_bucket(self, bucket: str) -> bool:
         return self._persist(lambda: self._client.bucket_exists(bucket))
 
-    def _empty(self, bucket: str) -> None:
-        items = self._items(bucket, "", recursive=True)
-        self._delete(bucket, (item.object_name for item in items))
+    def _empty(self, bucket: str, last: str) -> None:
+        names = (item.object_name for item in self._items(bucket, "", recursive=True))
+        self._delete(bucket, (name for name in names if name != last))
+        self._delete(bucket, [last] if last else [])
 
     def delete(self, bucket: str, keys: Collection[str]) -> None:
         """Remove objects; missing ones are ignored."""
