@@ -21,6 +21,9 @@ BODY = '    do serial:\n        log("hi")\n'
 SCENARIOS = {
     "plain": "scenario a:\n    x: int = 1\n    y: float = 0.5\n    z: bool = true\n" + BODY,
     "strings": 'scenario a:\n    text: string = "a # b: c"  # comment\n' + BODY,
+    "keywords": 'scenario a:\n    text: string = "a with: b"\n    y: int = 1\n' + BODY,
+    "long": 'scenario a:\n    text: string = """a\nscenario b:\n    x: int"""\n' + BODY,
+    "joined": "scenario a:\n    x: int \\\n    = 1\n    y: list of int = [1, # [\n2]\n" + BODY,
     "none": "scenario a:\n" + BODY,
     "comments": "# scenario b:\nscenario a:  # why\n\n    # x: int\n    y: int = 2\n" + BODY,
     "variables": "scenario a:\n    var v: int = 3\n    p: int = 4\n" + BODY,

@@ -21,10 +21,16 @@ _STRUCT = re.compile(r"^struct\s++([A-Za-z_]\w*+)(?:\s++inherits\s++([A-Za-z_]\w
 _PARAMETER = re.compile(
     r"^(?P<names>[A-Za-z_]\w*(?:\s*,\s*[A-Za-z_]\w*)*)\s*:\s*"
     r"(?P<type>(?:list\s+of\s+)?[A-Za-z_][\w.]*)\s*+"
-    r"(?:=\s*+(?P<default>\S.*?)(?<!\s)\s*+)?(?:with\s*:.*)?$"
+    r"(?:=\s*+(?P<default>\S.*?)(?<!\s)\s*+)?(?:\bwith\s*:.*)?$",
+    re.DOTALL,
 )
-_TOKEN = re.compile(r"\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*'|\\.|#.*")
-"""A text, a comment, or an escape outside of both, so that no part of a line is read twice."""
+_TOKEN = re.compile(
+    r"(?P<quote>\"{3}|'{3})(?:\\.|(?!(?P=quote)).)*+(?P=quote)?|#[^\n\f]*|\\[ \t]*+.|"
+    r"\"(?:\\.|[^\"\\\n])*+\"?|'(?:\\.|[^'\\\n])*+'?",
+    re.DOTALL,
+)
+"""A text, a comment, or an escape outside of both, so that no part of a file is read twice."""
+_LINE = re.compile(r"[^\n\f]+")
 
 SEED = "seed"
 """The parameter that gets a run's seed when the document does not set it."""
@@ -95,7 +101,7 @@ def read_scenarios(path: str | Path) -> list[Scenario]:
         if isinstance(error.__context__, FileNotFoundError):
             raise InputError(f"there is no scenario file {path}") from None
         raise
-    blocks = list(_blocks(text.splitlines()))
+    blocks = list(_blocks(text))
     structs = _structs(blocks)
     scenarios = [
         Scenario(match[1], parameters, structs, path.name)
@@ -164,40 +170,45 @@ def _default(text: str | None) -> Any:
         return text
 
 
-def _blocks(lines: list[str]) -> Iterator[_Block]:
+def _blocks(text: str) -> Iterator[_Block]:
     """Each statement without indentation, with the parameters in its body."""
-    head, indent, depth = "", 0, 0
+    plain = _TOKEN.sub(_hidden, text)
+    head, indent, line, counted = "", 0, 1, 0
     parameters: list[ScenarioParameter] = []
-    for number, line in enumerate(lines, start=1):
-        code = _without_comment(line).expandtabs(4).rstrip()
-        if not code.strip():
-            continue
-        continues, depth = depth > 0, depth + _opened(code)
-        if continues:
-            continue
-        width = len(code) - len(code.lstrip())
+    for begin, end in _statements(plain):
+        line, counted = line + text.count("\n", counted, begin), begin
+        code = plain[begin:end].lstrip()
+        width = len(plain[begin : end - len(code)].expandtabs(8))
         if width == 0:
             if head:
                 yield head, tuple(parameters)
             head, indent, parameters = code, 0, []
         elif head and width == (indent := indent or width):
-            parameters += _parameters(code.strip(), number)
+            parameters += _parameters(code.rstrip(), text[end - len(code) : end], line)
     if head:
         yield head, tuple(parameters)
 
 
-def _parameters(code: str, line: int) -> Iterator[ScenarioParameter]:
-    match = _PARAMETER.match(code)
+def _hidden(match: re.Match[str]) -> str:
+    """What stands for a text or a comment, with its length, and means nothing itself."""
+    return ("'" if match[0][0] in "'\"" else " ") * len(match[0])
+
+
+def _statements(plain: str) -> Iterator[tuple[int, int]]:
+    """Where each statement begins and ends; it continues until its brackets close."""
+    begin = depth = 0
+    for line in _LINE.finditer(plain):
+        if not line[0].strip():
+            continue
+        begin = begin if depth > 0 else line.start()
+        depth += sum(map(line[0].count, "([{")) - sum(map(line[0].count, ")]}"))
+        if depth <= 0:
+            yield begin, line.end()
+
+
+def _parameters(plain: str, text: str, line: int) -> Iterator[ScenarioParameter]:
+    match = _PARAMETER.match(plain)
     if match and match["names"] != "do":
+        default = text[slice(*match.span("default"))] if match["default"] else None
         for name in re.split(r"\s*,\s*", match["names"]):
-            yield ScenarioParameter(name, match["type"], match["default"], line)
-
-
-def _without_comment(line: str) -> str:
-    return _TOKEN.sub(lambda match: "" if match[0].startswith("#") else match[0], line)
-
-
-def _opened(code: str) -> int:
-    """Number of brackets that a line leaves open; the statement continues until they close."""
-    bare = _TOKEN.sub("", code)
-    return sum(bare.count(char) for char in "([{") - sum(bare.count(char) for char in ")]}")
+            yield ScenarioParameter(name, match["type"], default, line)
