@@ -263,7 +263,7 @@ class McapFile:
     def _compare(self) -> None:
         """Compare what was found with the summary at the end of the file.
 
-        Without a summary, a record of an application may be a damaged message or chunk.
+        Without statistics, a record of an application may be a damaged message or chunk.
         """
         chunks = sum(block.chunk for block in self.blocks)
         count = sum(block.count for block in self.blocks)
@@ -271,11 +271,14 @@ class McapFile:
             self._fault(f"has {count} of the {self._stated} messages in its summary")
         if self.complete and chunks < self.indexed_chunks:
             self._fault(f"has {chunks} of the {self.indexed_chunks} chunks in its index")
-        if self._foreign and not self._stated and not self.indexed_chunks:
+        if self._foreign and not self._stated:
             self._fault(
-                f"has no summary, and from byte {self._foreign} on records of an application, "
+                f"has no statistics, and from byte {self._foreign} on records of an application, "
                 "which are not read"
             )
+        channels = {channel for block in self.blocks for channel in block.channels}
+        if self.complete and (lost := channels - self._channels.keys()):
+            self._fault(f"does not describe {len(lost)} channels, whose messages are left out")
 
     def _complete(self, file: BinaryIO) -> None:
         """Read the channels and correct the times of chunks from their content."""
@@ -295,6 +298,8 @@ class McapFile:
                     block.add(channel + block.base, time)
                 elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                     self._define(opcode, content[begin:end], block.base)
+                elif opcode >= _APPLICATION and end - begin >= _MESSAGE_SIZE:
+                    self._foreign = self._foreign or block.place
 
     def _doubt_index(self) -> None:
         """Ignore the index of the last chunk, which may not be whole."""

@@ -62,13 +62,13 @@ def write_mcap(path: Path, times: list[int], **options: Any) -> None:
         writer.finish()
 
 
-def records(content: bytes) -> Iterator[tuple[int, int]]:
-    """Begin of each record, and its opcode."""
+def records(content: bytes, *, within: bool = False) -> Iterator[tuple[int, int]]:
+    """Begin of each record, and its opcode; of a chunk without compression, of those in it."""
     place = len(MAGIC)
     while place + 9 <= len(content) - len(MAGIC):
         opcode, length = struct.unpack_from("<BQ", content, place)
         yield place, opcode
-        place += 9 + length
+        place += 49 if within and opcode == 6 else 9 + length
 
 
 options = st.fixed_dictionaries(
@@ -138,6 +138,24 @@ def test_damage_costs_what_is_damaged_and_nothing_is_invented(
         moment for _, moment, _ in found if moment < 100
     )
     assert time.monotonic() - begin < 20
+
+
+@pytest.mark.parametrize("kind", [4, 5])
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.NONE, IndexType.CHUNK])
+@hypothesis_settings
+@given(how=options, share=st.integers(0, 99), opcode=st.integers(0x70, 0xFF))
+def test_no_record_of_another_kind_hides_messages_silently(
+    tmp_path: Path, how: dict[str, Any], index: IndexType, kind: int, share: int, opcode: int
+) -> None:
+    path = tmp_path / "bag" / "0.mcap"
+    fixed = {"compression": CompressionType.NONE, "enable_crcs": False, "index_types": index}
+    write_mcap(path, list(range(100)), **{**how, **fixed})
+    content = bytearray(path.read_bytes())
+    places = [place for place, found in records(bytes(content), within=True) if found == kind]
+    content[places[share * len(places) // 100]] = opcode
+    path.write_bytes(content)
+    found, warnings = converted(path.parent)
+    assert len(found) == 100 or warnings
 
 
 @pytest.mark.parametrize("has_summary", [True, False])
