@@ -235,7 +235,9 @@ def _error_text(text: str) -> str:
     return found[1] if found and found[1] else text
 
 
-_COMMAND = re.compile(r"Execut(?:ion of|ing) '\[(?P<words>.*)\]'(?: failed with (?P<code>-?\d+))?")
+_COMMAND = re.compile(
+    r"Execut(?:ion of|ing) '\[(?P<words>.*)\]'(?: failed with (?P<code>-?\d{1,9}))?"
+)
 _WORD = re.compile(r"'([^']*)'|\"([^\"]*)\"")
 _MOST_WORDS = 3
 """Words of a command that name its program."""

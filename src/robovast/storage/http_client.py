@@ -19,6 +19,7 @@ from urllib3.exceptions import HTTPError, NewConnectionError, SSLError
 
 from robovast.base.backoff import BUSY, FIRST_CONTACT, TRANSFERRING, Pauses
 from robovast.base.errors import StorageError
+from robovast.base.sizes import whole_number
 
 Body = bytes | IO[bytes] | None
 
@@ -239,8 +240,7 @@ def _message(text: str) -> str:
 
 
 def _retry_after(answer: urllib3.BaseHTTPResponse) -> float:
-    value = answer.headers.get("Retry-After", "")
-    return float(value) if value.isdigit() else 0.0
+    return float(whole_number(answer.headers.get("Retry-After")))
 
 
 _REMEDIES = {

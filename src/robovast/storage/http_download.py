@@ -17,9 +17,10 @@ from urllib3.exceptions import HTTPError
 from robovast.base.backoff import TRANSFERRING, Pauses
 from robovast.base.errors import StorageError
 from robovast.base.file_errors import writing
+from robovast.base.sizes import whole_number
 from robovast.storage.http_client import CHUNK, HttpClient
 
-_RANGE = re.compile(r"bytes (?P<first>\d+)-\d+/(?P<total>\d+)")
+_RANGE = re.compile(r"bytes (?P<first>[0-9]{1,18})-[0-9]+/(?P<total>[0-9]{1,18})")
 _NO_SUCH_RANGE = 416
 
 
@@ -86,7 +87,8 @@ class _Transfer:
     def receive(self, answer: BaseHTTPResponse) -> object:
         """Write a response; return why the file is not complete, or None."""
         if answer.status == _NO_SUCH_RANGE:  # complete already, or changed
-            if _total(answer, 0) == self.file.tell():
+            size = answer.headers.get("Content-Range", "").rpartition("/")[2]
+            if whole_number(size) == self.file.tell():
                 return None
             self.start_at(0)
             return "the file has changed"
@@ -121,9 +123,4 @@ def _place(answer: BaseHTTPResponse) -> tuple[int, int]:
     match = _RANGE.fullmatch(answer.headers.get("Content-Range", ""))
     if answer.status == 206 and match:
         return int(match["first"]), int(match["total"])
-    return 0, int(answer.headers.get("Content-Length") or 0)
-
-
-def _total(answer: BaseHTTPResponse, default: int) -> int:
-    total = answer.headers.get("Content-Range", "").rpartition("/")[2]
-    return int(total) if total.isdigit() else default
+    return 0, whole_number(answer.headers.get("Content-Length"))

@@ -23,6 +23,7 @@ from urllib3.exceptions import HTTPError, ProtocolError
 from robovast.base.atomic import put_in_place
 from robovast.base.backoff import HOLDING_RESULTS, Pauses
 from robovast.base.errors import StorageError
+from robovast.base.sizes import whole_number
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.multipart import ChangedError, Content, measured, of_bytes, send
 from robovast.storage.s3_client import connect
@@ -316,7 +317,7 @@ class ObjectStore:
         def read() -> Look:
             with self._opened(bucket, key) as answer:
                 headers = answer.headers
-                size = int(headers.get("Content-Length") or 0)
+                size = whole_number(headers.get("Content-Length"))
                 if size > limit:
                     raise ObjectError(
                         f"{bucket}/{key} has {size:,} bytes, more than the {limit:,} that are read"
@@ -475,7 +476,9 @@ def _verify(name: str, noted: str, found: str) -> None:
 
 
 def _verify_size(name: str, expected: int, offset: int, headers: Mapping[str, str]) -> None:
-    length = next((int(v) for k, v in headers.items() if k.lower() == "content-length"), None)
+    length = next(
+        (whole_number(v, -1) for k, v in headers.items() if k.lower() == "content-length"), None
+    )
     if length is not None and offset + length != expected:
         raise ObjectError(
             f"{name} is damaged: it has {offset + length} bytes, its writer recorded {expected}. "

@@ -106,6 +106,12 @@ def test_the_last_error_of_the_output_is_the_cause(
     )
 
 
+@pytest.mark.parametrize("code", ["1" * 5000, f"-{'9' * 5000}", "\u00b2", "--1", ""])
+def test_a_code_that_no_program_ends_with_is_text(tmp_path: Path, code: str) -> None:
+    said = COMMAND.format(f"failed with {code}")
+    assert "python3 navigate.py" in reason(tmp_path, BEGIN, END, said=said)
+
+
 def test_harmless_lines_on_stderr_are_no_errors(tmp_path: Path) -> None:
     harmless = error("[INFO] [1795389799.10] [follower]: a way of 5.3 m")
     found = reason(tmp_path, BEGIN, harmless, END)

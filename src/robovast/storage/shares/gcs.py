@@ -20,6 +20,7 @@ from urllib.parse import quote, urlencode, urlsplit
 from robovast.base.errors import InputError, StorageError
 from robovast.base.file_errors import read_text
 from robovast.base.optional_deps import SHARE
+from robovast.base.sizes import whole_number
 from robovast.storage.http_client import HttpClient
 from robovast.storage.http_download import download
 from robovast.storage.shares.base import BaseShareProvider, ProgressCallback
@@ -214,7 +215,7 @@ class GcsShareProvider(BaseShareProvider):
                 accept={_GO_ON},
             )
             arrived = answer.headers.get("Range", "").rpartition("-")[2]
-            offset = int(arrived) + 1 if arrived.isdigit() else 0
+            offset = whole_number(arrived, -1) + 1
             is_complete = answer.status != _GO_ON
             if progress:
                 progress(size if is_complete else offset, size)

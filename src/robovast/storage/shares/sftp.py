@@ -17,6 +17,7 @@ from paramiko import PKey, SFTPClient, SFTPFile, SSHClient
 from robovast.base.backoff import TRANSFERRING, Pauses
 from robovast.base.errors import InputError, StorageError
 from robovast.base.file_errors import read_text, writing
+from robovast.base.sizes import whole_number
 from robovast.storage.shares.base import (
     INSECURE_SSL,
     BaseShareProvider,
@@ -323,9 +324,10 @@ def _key_file() -> Path:
 
 def _port() -> int:
     text = os.environ.get(PORT) or "22"
-    if not text.isdigit():
-        raise InputError(f"{PORT} must be a number, not `{text}`.")
-    return int(text)
+    port = whole_number(text)
+    if not 0 < port < 1 << 16:
+        raise InputError(f"{PORT} must be a number up to 65535, not `{text}`.")
+    return port
 
 
 def _place() -> str:
