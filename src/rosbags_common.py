@@ -43,7 +43,7 @@ def write_provenance_entry(
     if not provenance_file_path:
         return
     path = Path(provenance_file_path)
-    entries = _entries(path) if path.exists() and path.stat().st_size else []
+    entries = _entries(path) if os.path.exists(path) and path.stat().st_size else []
     sources = [sources_rel] if isinstance(sources_rel, (str, Path)) else sources_rel
     entries.append(
         {
@@ -74,7 +74,7 @@ def find_rosbags(directory: str | Path, bag_dir_name: str = "rosbag2") -> list[s
             has the recorder's date in addition (`rosbag2_2026_01_31-12_00_00`) is found, too.
     """
     top = Path(directory)
-    found = [str(top)] if _is_named(top.name, bag_dir_name) and top.is_dir() else []
+    found = [str(top)] if _is_named(top.name, bag_dir_name) and os.path.isdir(top) else []
     for folder, names, _ in os.walk(directory):
         bags = {name for name in names if _is_named(name, bag_dir_name)}
         found += (os.path.join(folder, name) for name in bags)

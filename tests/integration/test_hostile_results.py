@@ -7,11 +7,15 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.campaigns.hostile import KEY, assert_untouched, make_host
-from support.campaigns.stored import NAME, write_campaign
+from support.campaigns.stored import NAME, write, write_campaign
+
+from robovast_cli.main import command
 
 LIMIT = 300
 """Of one command, on a machine that has other things to do [s]."""
@@ -138,3 +142,59 @@ def test_every_command_ends_and_reads_nothing_of_the_host(results: Path) -> None
     made = [path for path in results.rglob("*") if path.is_file() and not path.is_symlink()]
     small = [path for path in made if path.stat().st_size < 1 << 24]
     assert not [path for path in small if KEY.encode() in path.read_bytes()]
+
+
+LINKS = {"long": "x" * 300, "circle": ".", "closed": "closed/file"}
+"""Targets of links: a name that no file can have, the link itself, what only root can read."""
+OTHERS = (
+    ["query", "SELECT count(*) FROM runs"],
+    ["sparql", "failed-runs"],
+    ["history", "hall-1"],
+    ["junit", NAME, "../junit.xml"],
+    ["report", NAME, "-o", "../report.html"],
+    ["summary", NAME],
+    ["compare", NAME, NAME],
+    ["coverage", NAME],
+)
+VARIED = DOCUMENT.replace(
+    "{name: hall}",
+    "{name: hall, variations: [{ParameterVariationList: {name: speed, values: [1, 2]}}]}",
+)
+PLACES = {
+    "beside": """../another _config/x _config/x.ipynb _config/files/x .running extra _jobs/x
+        _jobs/job-0/x.csv _jobs/job-0/logs/x.log _execution/replay.json _execution/search hall-1/x
+        hall-1/7 hall-1/_config/x hall-1/0/x.csv hall-1/0/rosbag2 hall-2/0/rosbag2_x""",
+    "records": """_config/hall.vast _config/x.vast _config/hall.osc _execution/execution.yaml
+        _jobs/job-0 metadata.yaml _transient/configurations.yaml hall-1/_config/config.yaml
+        hall-1/0/run.json hall-1/0/test.xml hall-1/0/poses.csv hall-1/0/job""",
+    "inputs": "_config",
+    "outputs": "_execution _transient hall-1",
+    "parts": "_jobs hall-1/0 hall-2/_config",
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "places"),
+    [*product(LINKS, ("beside", "records")), *product(["long"], ("inputs", "outputs", "parts"))],
+)
+def test_links_that_cannot_be_followed_are_no_bug(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any, kind: str, places: str
+) -> None:
+    results = tmp_path / "results"
+    campaign = write_campaign(results)
+    (campaign / "_config" / "hall.vast").write_text(VARIED)
+    (campaign / "_config" / "hall.osc").write_text("scenario hall:\n    speed: float = 1.0\n")
+    write(campaign / "_transient" / "configurations.yaml", "{vast: hall.vast, configs: []}")
+    (tmp_path / "closed").mkdir(0)
+    for path in map(campaign.joinpath, PLACES[places].split()):
+        path.parent.mkdir(exist_ok=True)
+        if not path.is_symlink() and path.is_dir():
+            shutil.rmtree(path)
+        path.unlink(missing_ok=True)
+        path.symlink_to(path.name if kind == "circle" else tmp_path / LINKS[kind])
+    monkeypatch.chdir(results)
+    usual = {0} if places == "beside" else {0, 1, 2, 5}
+    for words in [*COMMANDS.values(), *OTHERS]:
+        with pytest.raises(SystemExit) as ended:
+            command().main(args=["results", *words, "-r", "."], prog_name="vast")
+        assert ended.value.code in usual, (words, capsys.readouterr())

@@ -1,6 +1,7 @@
 """Below a folder that others write nothing leads out, nothing hangs, nothing fills the memory."""
 
 import os
+import re
 import resource
 import socket
 import stat
@@ -15,6 +16,17 @@ import pytest
 from robovast.base import safe_paths
 
 GIB = 1 << 30
+SOURCE = Path(safe_paths.__file__).parents[1]
+READERS = ("analysis", "campaign", "common", "evaluation", "mcp", "model", "search")
+"""Packages that read campaigns of others."""
+
+
+@pytest.mark.parametrize("package", READERS)
+def test_a_question_about_a_path_of_others_raises_no_error(package: str) -> None:
+    """`Path.is_file()` does, for example for a link to a name that is too long."""
+    raising = re.compile(r"\.(exists|is_(file|dir|symlink))\(\)")
+    files = (SOURCE / package).rglob("*.py")
+    assert not [str(file) for file in files if raising.search(file.read_text())]
 
 
 @pytest.fixture

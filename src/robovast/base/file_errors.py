@@ -19,13 +19,19 @@ _FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 _WORDS = {
     errno.EISDIR: "it is a folder",
     errno.ENOTDIR: "a part of its path is not a folder",
-    errno.ELOOP: "a link in its path leads back to itself",
+    errno.ELOOP: "a link in its path leads back to itself, or is not followed",
     errno.ENAMETOOLONG: "a name is too long",
     errno.ENXIO: "it is a device or pipe without anything behind it",
     **dict.fromkeys(_FULL, "the disk is full"),
 }
 """Causes that the system names in words of programmers."""
-_REFUSALS = _FULL | {errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE}
+_REFUSALS = frozenset(
+    {
+        *_FULL,
+        *(errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO, errno.EMFILE, errno.ENFILE),
+        *(errno.ELOOP, errno.ENAMETOOLONG),  # of links that came from elsewhere
+    }
+)
 
 
 def is_refusal(error: OSError) -> bool:

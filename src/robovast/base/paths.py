@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 
@@ -14,4 +15,4 @@ def normalized(path: Path) -> Path:
     if ".." not in parts:
         return path
     end = len(parts) - parts[::-1].index("..")
-    return Path(*parts[:end]).resolve().joinpath(*parts[end:])
+    return Path(os.path.realpath(Path(*parts[:end])), *parts[end:])

@@ -131,7 +131,7 @@ def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
     path, name = parts
     if why := _refusal.get():
         raise PluginRefusedError(f"{path} is not loaded: {why}")
-    module = _load_file((Path(folder) / path).resolve())
+    module = _load_file(Path(os.path.realpath(Path(folder) / path)))
     try:
         return getattr(module, name)
     except AttributeError:
@@ -171,7 +171,7 @@ class _WithoutBytecode(SourceFileLoader):
 
 @lru_cache
 def _load_file(path: Path) -> Any:
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError(f"there is no plugin file {path}")
     digest = hashlib.sha256(str(path).encode()).hexdigest()[:8]
     name = f"robovast_plugin_{path.stem}_{digest}"

@@ -151,7 +151,7 @@ def _copy(archive: Path, member: Member, folder: Path, links: Mapping[Path, str]
     original = folder / _inside(archive, member.target)
     if original in links:
         return replace(member, kind="link", target=links[original])
-    if not original.is_file():
+    if not os.path.isfile(original):
         raise _refused(archive, member.name, "is a hard link, but not to an earlier file")
     return replace(member, kind="file", open=lambda: original.open("rb"))
 
@@ -247,7 +247,7 @@ def _refused(archive: Path, name: str, why: str) -> InputError:
 @contextmanager
 def _members(archive: Path, room: _Room) -> Iterator[Iterator[Member]]:
     """The entries of an archive, which is open meanwhile."""
-    if archive.exists() and not archive.is_file() and not archive.is_dir():
+    if os.path.exists(archive) and not os.path.isfile(archive) and not os.path.isdir(archive):
         raise InputError(f"{archive}: is not a regular file. Name the archive itself.")
     try:
         with archive.open("rb") as file:
@@ -322,7 +322,7 @@ def _zip_members(zipped: zipfile.ZipFile) -> Iterator[Member]:
         link = stat.S_ISLNK(mode)
         yield Member(
             name=item.filename,
-            kind="link" if link else "folder" if item.is_dir() else "file",
+            kind="link" if link else "folder" if item.filename.endswith("/") else "file",
             open=lambda item=item: zipped.open(item),  # type: ignore[misc]
             executable=bool(mode & 0o100),
             modified=mktime((*item.date_time, 0, 0, -1)),

@@ -7,6 +7,7 @@ single parts of a path, and paths of files stay in their folder.
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
@@ -93,7 +94,7 @@ def read_configurations(layout: Layout) -> dict[str, Any]:
     if found:
         raise InputError(f"{layout.root} is not a campaign's folder: {found}.")
     data = read_mapping(path)
-    if not path.exists():
+    if not os.path.exists(path):
         raise InputError(
             f"{layout.root} is not a campaign's folder: {path.relative_to(layout.root)} is missing."
         )

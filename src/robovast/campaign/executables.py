@@ -24,7 +24,7 @@ def executables_of(campaign: Path) -> list[str]:
     """Describe the plugin files, postprocessing commands and notebooks of a campaign."""
     config = Layout(campaign).config
     notebooks = (f"notebook `{path.relative_to(config)}`" for path in config.rglob("*.ipynb"))
-    calls = (call for path in config.glob("*.vast") for call in _calls(path))
+    calls = (call for path in Layout(campaign).documents for call in _calls(path))
     return sorted({*filter(None, map(_described, calls)), *notebooks})
 
 

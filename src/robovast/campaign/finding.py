@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from robovast.base.errors import InputError
+from robovast.base.file_errors import obstacle
 from robovast.base.printable import is_printable, one_line
 from robovast.model.naming import holds_campaign, is_campaign_dir
 
@@ -23,15 +24,14 @@ def find_campaigns(results: Path) -> list[Path]:
     Raises:
         InputError: the folder is missing or contains no campaign.
     """
-    if results.is_file():
-        raise InputError(f"{results} is a file; name a results folder or a campaign's folder.")
-    if not results.is_dir():
-        raise InputError(f"{results}: there is no such folder.")
+    if not os.path.isdir(results):
+        why = obstacle(results) or f"{results}: there is no such folder"
+        raise InputError(f"{why}. Name a results folder or a campaign's folder.")
     if holds_campaign(results):
         _warn_of_names(results)
         return [results]
     visible = (path for path in sorted(results.iterdir()) if not path.name.startswith("."))
-    folders = (path for path in visible if path.is_dir())
+    folders = (path for path in visible if os.path.isdir(path))
     found = [path for path in folders if is_campaign_dir(path) or holds_campaign(path)]
     if not found:
         raise InputError(
@@ -48,7 +48,7 @@ def find_campaigns(results: Path) -> list[Path]:
 def _warn_of_names(folder: Path) -> None:
     odd = sorted(name for name in os.listdir(folder) if not is_printable(name))
     for path in (folder / name for name in odd):
-        if path.is_dir():
+        if os.path.isdir(path):
             LOGGER.warning(
                 "%s: left out: no campaign or configuration has such a name. Rename it.",
                 one_line(str(path)),

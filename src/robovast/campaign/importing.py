@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from robovast.base.atomic import explained, put_in_place, scratch_folder
@@ -72,7 +73,7 @@ def campaign_of_archive(name: str) -> str:
 def _campaign_in(archive: Path, whole: Path) -> Path:
     content = list(whole.iterdir())
     folder = content[0] if len(content) == 1 else whole
-    if not folder.is_symlink() and holds_campaign(folder):
+    if not os.path.islink(folder) and holds_campaign(folder):
         return folder
     names = ", ".join(sorted(path.name for path in content)[:5]) or "nothing"
     raise InputError(

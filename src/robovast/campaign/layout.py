@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.base.printable import is_printable
-from robovast.base.safe_paths import is_folder
+from robovast.base.safe_paths import is_folder, names
 from robovast.model.naming import CONFIG, EXECUTION, TRANSIENT, is_run_number
 from robovast.model.naming import TEST_RESULT as TEST_RESULT
 
@@ -82,6 +82,12 @@ class Layout:
     def config(self) -> Path:
         """Copy of all inputs of the campaign."""
         return self.root / CONFIG
+
+    @property
+    def documents(self) -> list[Path]:
+        """The `.vast` files among the inputs, by name."""
+        found = names(self.config, self.config)
+        return [self.config / name for name in found if name.endswith(".vast")]
 
     @property
     def execution(self) -> Path:

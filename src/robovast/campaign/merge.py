@@ -91,7 +91,7 @@ def merge_campaigns(
         layout = Layout(folder)
         _copy(Layout(campaigns[-1]).config, layout.config)
         for campaign in map(Layout, campaigns):
-            if campaign.jobs.is_dir():
+            if os.path.isdir(campaign.jobs):
                 _copy(campaign.jobs, layout.job(campaign.root.name))
         runs = _Runs(layout, target.name)
         for name, group in merged.items():
@@ -110,7 +110,7 @@ def _check(campaigns: Sequence[Path]) -> None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
         raise InputError(f"two of the campaigns are named {twice}; rename the folder of one.")
-    if not Layout(campaigns[-1]).config.is_dir():
+    if not os.path.isdir(Layout(campaigns[-1]).config):
         raise InputError(f"{campaigns[-1]} has no `_config` folder, so it cannot be merged.")
     _check_origins(campaigns)
     _check_runs(campaigns)
@@ -168,7 +168,7 @@ def _execution(campaign: Layout) -> dict[str, Any]:
 
 def _parts(layout: Layout) -> Iterator[_Part]:
     for folder in sorted(layout.root.iterdir()):
-        if layout.variant_config(folder.name).is_dir() and is_variant(folder.name):
+        if os.path.isdir(layout.variant_config(folder.name)) and is_variant(folder.name):
             identity = read_mapping(folder / VARIANT_RECORD)
             yield _Part(layout, folder.name, identity.get("config_identifier"))
 
@@ -245,7 +245,7 @@ class _Runs:
     def _link_job(self, run: Path, campaign: str) -> str | None:
         """Adjust a copied run's link to its job's new place; return the job's new name."""
         link = run / JOB_LINK
-        if not link.is_symlink():
+        if not os.path.islink(link):
             return None
         _, found, inside = link.readlink().as_posix().partition(f"{JOBS}/")
         if not found:
@@ -285,10 +285,8 @@ def _write_records(
 
 def _configurations(campaigns: Sequence[Layout], merged: dict[str, list[_Part]]) -> dict[str, Any]:
     """`configurations.yaml` of the merged campaign."""
-    read = {
-        campaign.root: read_configurations(campaign) if campaign.configurations.exists() else {}
-        for campaign in campaigns
-    }
+    written = (campaign for campaign in campaigns if os.path.exists(campaign.configurations))
+    read = {campaign.root: read_configurations(campaign) for campaign in written}
     entries = {
         (root, entry.get("name")): entry
         for root, data in read.items()
@@ -298,4 +296,4 @@ def _configurations(campaigns: Sequence[Layout], merged: dict[str, list[_Part]])
         {**entries.get((group[0].campaign.root, group[0].name), {}), "name": name}
         for name, group in merged.items()
     ]
-    return {**read[campaigns[-1].root], "configs": configs}
+    return {**read.get(campaigns[-1].root, {}), "configs": configs}

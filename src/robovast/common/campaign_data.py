@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,16 +26,16 @@ from robovast.campaign.layout import (
 def list_config_dirs(campaign_dir: str | Path) -> list[Path]:
     """Folders of a campaign's configurations, by name; empty if the campaign is missing."""
     root = Path(campaign_dir)
-    if not root.is_dir():
+    if not os.path.isdir(root):
         return []
-    folders = (path for path in root.iterdir() if path.is_dir())
+    folders = (path for path in root.iterdir() if os.path.isdir(path))
     return sorted(path for path in folders if not path.name.startswith(("_", ".")))
 
 
 def list_run_dirs(config_dir: str | Path) -> list[Path]:
     """Folders of a configuration's runs, by number; empty if the configuration is missing."""
     folder = Path(config_dir)
-    return Layout(folder.parent).run_folders_of(folder.name) if folder.is_dir() else []
+    return Layout(folder.parent).run_folders_of(folder.name) if os.path.isdir(folder) else []
 
 
 def read_test_result(run_dir: str | Path) -> dict[str, Any]:
@@ -48,7 +49,7 @@ def read_test_result(run_dir: str | Path) -> dict[str, Any]:
         FileNotFoundError: the run has no test.xml.
     """
     path = Path(run_dir) / TEST_RESULT
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise FileNotFoundError(path)
     result = verdict.read_test_result(path.parent)
     started = result.started_at

@@ -5,6 +5,7 @@ Only indexes are read and no message is decompressed: a bag of gigabytes takes a
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +42,7 @@ def read_timeline(root: Path, relative: str) -> Timeline:
         InputError: there is no such folder below `root`, or its files cannot be read.
     """
     folder = resolved(root, relative)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise MissingError(f"{relative} is no folder.")
     ticks: Ticks = Counter()
     bound = Bound()

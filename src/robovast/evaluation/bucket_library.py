@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -111,7 +112,7 @@ class BucketLibrary(Library):
         self._kept[prefix] = self._fetch(prefix)
         while sum(self._kept.values()) > self._most and len(self._kept) > _LAST:
             oldest, _ = self._kept.popitem(last=False)
-            if (self._folder / oldest).is_dir():
+            if os.path.isdir(self._folder / oldest):
                 discard(self._folder / oldest)
 
     def _fetch(self, *prefixes: str) -> int:

@@ -41,7 +41,7 @@ def is_own_folder(entry: os.DirEntry[str]) -> bool:
 
 def is_search(results: Path, campaign: str) -> bool:
     """Whether a campaign is a search that has proposed something."""
-    return (results / campaign / SEARCH).is_dir()
+    return os.path.isdir(results / campaign / SEARCH)
 
 
 def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
@@ -60,5 +60,5 @@ def active_jobs(results: Path, campaign: str) -> tuple[ActiveJob, ...] | None:
 def _log(root: Path, job: str) -> str | None:
     """The job's own log, else what its process prints."""
     candidates = (f"{JOBS}/{job}/{SYSTEM_LOG}", f"{RUNNING}/{job}/console.log")
-    found = (path for path in candidates if (root / path).is_file())
+    found = (path for path in candidates if os.path.isfile(root / path))
     return next((f"{root.name}/{path}" for path in found), None)

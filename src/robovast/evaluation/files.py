@@ -51,7 +51,7 @@ def list_files(results: Path, relative: str) -> list[FileEntry]:
         InputError: the folder is missing below `results`.
     """
     folder = resolved(results, relative)
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         raise MissingError(f"{relative} is no folder.")
     entries = []
     for path, size in _walk(folder):
@@ -78,5 +78,5 @@ def _walk(folder: Path) -> Iterator[tuple[Path, int]]:
         folders.sort()
         for name in names:
             path = Path(parent, name)
-            if not path.is_symlink() and path.is_file():
+            if not os.path.islink(path) and os.path.isfile(path):
                 yield path, path.stat().st_size

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import logging
 import math
+import os
 import re
 import time
 from collections.abc import Collection, Iterator, Sequence
@@ -134,9 +135,9 @@ def _download(store: ObjectStore, campaign: _Campaign, folder: Path) -> None:
 def _leave_out(campaign: _Campaign, folder: Path, room: float) -> None:
     """Replace the copy of a campaign by the reason why the web UI does not show it."""
     told = folder / OMITTED
-    if told.exists():
+    if os.path.exists(told):
         return
-    if folder.exists():
+    if os.path.exists(folder):
         discard(folder)
     occupy(folder, campaign.owner)
     (folder / TRANSIENT).mkdir(parents=True, exist_ok=True)

@@ -36,7 +36,7 @@ def mirrored_jobs(
         now: the time [s since the epoch].
     """
     root = results / campaign
-    if not (root / ORIGIN).is_file():
+    if not os.path.isfile(root / ORIGIN):
         return None
     recent = sorted(_recent(root, now))
     stored = Counter(run.job for one in variants for run in one.runs) if recent else Counter()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -138,7 +139,7 @@ def _replay(results: Path, campaign: str) -> Replay | None:
     found = _json(results, f"{campaign}/{REPLAY}")
     same, lines = found.get("same"), found.get("text")
     try:
-        stored = resolved(results, of).is_dir()
+        stored = os.path.isdir(resolved(results, of))
     except InputError:
         stored = False
     text = "\n".join(map(str, lines)) if isinstance(lines, list) else ""
@@ -165,7 +166,7 @@ def _job_folder(results: Path, campaign: str, place: str, record: Mapping[str, A
             folder = resolved(results, candidate)
         except InputError:
             continue
-        if folder.is_dir() and folder.is_relative_to(results / campaign):
+        if os.path.isdir(folder) and folder.is_relative_to(results / campaign):
             return folder.relative_to(results).as_posix()
     return None
 

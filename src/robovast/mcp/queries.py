@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -87,6 +88,6 @@ class QueryTools:
 
 def _has(root: Path, name: str, file: str) -> bool:
     try:
-        return resolved(root, f"{name}/{file}").is_file()
+        return os.path.isfile(resolved(root, f"{name}/{file}"))
     except MissingError:
         return False

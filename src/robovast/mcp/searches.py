@@ -5,6 +5,7 @@ They read what is stored, and never load a strategy or an extractor: those are c
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from fastmcp import FastMCP
@@ -59,7 +60,7 @@ class SearchTools:
         if campaign not in self._library.names():
             raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")
         root = self._library.results
-        if not (root / campaign / SEARCH).is_dir():
+        if not os.path.isdir(root / campaign / SEARCH):
             raise InputError(f"{campaign} is no search, or has not proposed anything yet.")
         resolved(root, f"{campaign}/{SEARCH}")
         return History(Layout(root / campaign)).batches

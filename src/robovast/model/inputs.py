@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,7 @@ def container_files(document: Document) -> list[Path]:
 def campaign_files(document: Document, composition: Composition) -> list[Path]:
     """All files that make the campaign's `_config` folder self-contained."""
     found = {Path(document.path.name), *container_files(document), *composition.input_files}
-    found.update(path for path in _referenced(document) if (document.folder / path).is_file())
+    found.update(path for path in _referenced(document) if os.path.isfile(document.folder / path))
     return sorted(path for path in found if not path.is_absolute() and ".." not in path.parts)
 
 
@@ -75,8 +76,8 @@ def _wanted_files(folder: Path, call: PluginCall) -> Iterator[Path]:
     for path in wanted:
         if not path.is_relative_to(folder):
             raise InputError(f"{call.name}: `{_WANTED}` names {path}, which is not in {folder}.")
-        below = sorted(path.rglob("*")) if path.is_dir() else [path]
-        yield from (file.relative_to(folder) for file in below if file.is_file())
+        below = sorted(path.rglob("*")) if os.path.isdir(path) else [path]
+        yield from (file.relative_to(folder) for file in below if os.path.isfile(file))
 
 
 def _class_with_files(folder: Path, call: PluginCall) -> Any:
@@ -97,7 +98,7 @@ def _class_with_files(folder: Path, call: PluginCall) -> Any:
 
 
 def _mentions(path: Path, name: str) -> bool:
-    return path.is_file() and name.encode() in read_content(path)
+    return os.path.isfile(path) and name.encode() in read_content(path)
 
 
 def _plugin_calls(document: Document) -> Iterator[PluginCall]:

@@ -96,9 +96,9 @@ def create_project(
         StorageError: the file cannot be written.
     """
     path = root.absolute() / PROJECT_FILE
-    if not vast_file.is_file():
+    if not os.path.isfile(vast_file):
         raise InputError(f"{vast_file}: there is no such file.")
-    if path.exists() and not force:
+    if os.path.exists(path) and not force:
         raise InputError(f"{path} exists already; `--force` replaces it.")
     data = {
         "config": _relative(vast_file, path.parent),

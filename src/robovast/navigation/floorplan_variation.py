@@ -208,7 +208,7 @@ class FloorplanGeneration(_FloorplanVariation):
 
         names: dict[str, str] = {}
         for file in self.parameters.floorplans:
-            path = (Path(self.base_path) / file).resolve()
+            path = Path(os.path.realpath(Path(self.base_path) / file))
             if path.stem in names:
                 raise InputError(
                     f"`{names[path.stem]}` and `{file}` have one name, and "
@@ -239,7 +239,7 @@ class FloorplanVariation(_FloorplanVariation):
         from robovast.navigation.floorplan.about import read_about
         from robovast.navigation.floorplan.sampling import read_variation
 
-        path = (Path(self.base_path) / file).resolve()
+        path = Path(os.path.realpath(Path(self.base_path) / file))
         distributions = read_variation(path)
         base = distributions.model.path
         self._models += [path, base]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from numbers import Real
@@ -24,7 +25,8 @@ LONGEST = 3600.0
 
 def samples(layout: Layout, config: str) -> int:
     """Number of a set's runs that came to a verdict."""
-    return len(completed_run_dirs(layout.variant(config))) if layout.variant(config).is_dir() else 0
+    folder = layout.variant(config)
+    return len(completed_run_dirs(folder)) if os.path.isdir(folder) else 0
 
 
 def score(

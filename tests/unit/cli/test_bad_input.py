@@ -281,7 +281,7 @@ BAD = [
         "/dev/zero: cannot be read: is not a regular file.",
     ),
     (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
-    (["results", "postprocess", "-r", "file"], 2, "file is a file; name a results folder"),
+    (["results", "postprocess", "-r", "file"], 2, "file is a file. Name a results folder"),
     (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),
     (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
     (["exec", "cluster", "run", "-x", "lab"], 3, "there is no context `lab` in your kubeconfig"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -50,7 +51,7 @@ def history(
     from robovast_cli.ui.working import working
 
     results, name = (results_dir or ctx.obj.results).resolve(), configuration.rstrip("/")
-    folder = Path(name).resolve()
+    folder = Path(os.path.realpath(name))
     if campaign is None and holds_campaign(folder.parent):
         results, campaign, name = folder.parent.parent, folder.parent.name, folder.name
     elif campaign is not None:

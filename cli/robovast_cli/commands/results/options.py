@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -87,7 +88,7 @@ def named_campaign(results: Path, name: str) -> Path:
     """
     from robovast.campaign.finding import find_campaigns
 
-    candidates = [path for path in (Path(name), results / name) if path.is_dir()]
+    candidates = [path for path in (Path(name), results / name) if os.path.isdir(path)]
     if not candidates:
         raise InputError(
             f"there is no campaign `{name}`: neither a folder of that name nor one in {results}. "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -56,7 +57,7 @@ def _download_divided(
         clusters = [stack.enter_context(connect(context, namespace)) for context in contexts]
         parts = _parts(clusters, name)
         target = output / _merged_name(name, parts[0].campaign)
-        if target.exists():
+        if os.path.exists(target):
             _check_whole(target, name, len(parts))
             if not force:
                 _tidy(place, target)
@@ -74,7 +75,7 @@ def _download_divided(
     if going:
         say(f"{', '.join(going)} has not ended; repeat the command then: it merges the parts.")
         return
-    if target.exists():
+    if os.path.exists(target):
         _check_not_fewer(target, folders)
     left_out = merge(folders, target, "part", by_name=True, replace=force).left_out
     if left_out:
@@ -100,8 +101,8 @@ def _check_not_fewer(merged: Path, parts: Sequence[Path]) -> None:
 def _tidy(place: Path, merged: Path) -> None:
     """Remove parts that an interrupted command has left, unless the merge has left out any runs."""
     sweep(place.parent)
-    if place.is_dir():
-        runs = sum(_runs_in(part) for part in place.iterdir() if part.is_dir())
+    if os.path.isdir(place):
+        runs = sum(_runs_in(part) for part in place.iterdir() if os.path.isdir(part))
         if runs == _runs_in(merged):
             discard(place)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Annotated
 
 import typer
@@ -44,7 +45,7 @@ def list_share(
     if campaign and not campaigns:
         raise InputError("nothing on the share is called so; without `-i` all is listed.")
     rows = [
-        [item.name, fmt_size(item.size), "yes" if (results / item.name).is_dir() else "no"]
+        [item.name, fmt_size(item.size), "yes" if os.path.isdir(results / item.name) else "no"]
         for item in campaigns
     ]
     typer.echo(format_table(["CAMPAIGN", "SIZE", "HERE"], rows), nl=False)

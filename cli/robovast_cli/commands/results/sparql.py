@@ -1,5 +1,6 @@
 """`vast results sparql`: ask the provenance graphs of campaigns."""
 
+import os
 from typing import Annotated
 
 import typer
@@ -53,7 +54,7 @@ def sparql(
 
     with opened(bucket, context, namespace) as found:
         folders = [one.bring(GRAPH) for one in found]
-        if not any((folder / GRAPH).is_file() for folder in folders):
+        if not any(os.path.isfile(folder / GRAPH) for folder in folders):
             raise InputError(
                 f"no graph is stored of {', '.join(bucket)}: results processing in the cluster "
                 "makes it (`spec.processResults: true` of the Campaign). To make it here: "

@@ -225,7 +225,7 @@ def _runs(base: Path) -> list[Path]:
     """Run folders in the folder of a campaign, a configuration or a run."""
     if is_run_number(base.name):
         return [base]
-    below = [path for path in base.iterdir() if is_run_number(path.name) and path.is_dir()]
+    below = [path for path in base.iterdir() if is_run_number(path.name) and os.path.isdir(path)]
     if below:
         return sorted(below, key=lambda path: int(path.name))
     return list(Layout(base).run_folders()) or [base]
@@ -247,7 +247,7 @@ def _mapped(jobs: list[BagCommand], folder: Path, runs: list[Path]) -> Iterator[
 
 def _size(run: Path) -> int:
     bags = (Path(bag) for bag in find_rosbags(run))
-    return sum(path.stat().st_size for bag in bags for path in bag.iterdir())
+    return sum(path.lstat().st_size for bag in bags for path in bag.iterdir())
 
 
 def _message(base: Path, runs: list[Path], conversions: list[Conversion]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -70,7 +71,7 @@ def _passes(verdicts: Iterator[Verdict]) -> bool:
 
 
 def _verdicts(layout: Layout, variant: str) -> Iterator[Verdict]:
-    folders = layout.run_folders_of(variant) if layout.variant(variant).is_dir() else ()
+    folders = layout.run_folders_of(variant) if os.path.isdir(layout.variant(variant)) else ()
     records = map(read_run_record, folders)
     return (record.verdict for record in records if record is not None)
 

@@ -125,7 +125,7 @@ def _categorical(frame: pd.DataFrame, names: Iterable[str]) -> pd.DataFrame:
 
 def _run_folders(data_dir: str | Path) -> list[Path]:
     root = Path(os.path.abspath(data_dir))  # the names of run and configuration are needed
-    if not root.is_dir():
+    if not os.path.isdir(root):
         raise ValueError(f"{data_dir}: no such folder")
     runs = sorted(_runs_below(root), key=lambda run: (*run.parts[:-1], len(run.name), run.name))
     if not runs:
@@ -138,11 +138,15 @@ def _runs_below(folder: Path) -> Iterator[Path]:
 
     A campaign's `_config`, `_jobs` and hidden folders contain no runs.
     """
-    if (folder / TEST_RESULT).is_file() or (folder / RUN_RECORD).is_file():
+    if os.path.isfile(folder / TEST_RESULT) or os.path.isfile(folder / RUN_RECORD):
         yield folder
         return
     for path in folder.iterdir():
-        if path.is_dir() and not path.is_symlink() and not path.name.startswith(("_", ".")):
+        if (
+            os.path.isdir(path)
+            and not os.path.islink(path)
+            and not path.name.startswith(("_", "."))
+        ):
             yield from _runs_below(path)
 
 
@@ -198,7 +202,7 @@ def _config_dir(data_dir: str | Path) -> Path:
     """The folder of the configuration that a folder belongs to."""
     folder = Path(data_dir).absolute()
     for candidate in (folder, *folder.parents[:2]):
-        if (candidate / SCENARIO_CONFIG).is_file():
+        if os.path.isfile(candidate / SCENARIO_CONFIG):
             return candidate
     raise FileNotFoundError(f"{folder}: no {SCENARIO_CONFIG} here or in the folders above")
 
@@ -307,7 +311,7 @@ def read_run_statuses(data_dir: str | Path) -> pd.DataFrame:
         ValueError: the folder is missing.
     """
     root = Path(data_dir)
-    if not root.is_dir():
+    if not os.path.isdir(root):
         raise ValueError(f"{data_dir}: no such folder")
     rows = []
     for run in sorted(_runs_below(root.absolute())):

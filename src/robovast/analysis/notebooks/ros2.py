@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ def print_bag_topics(bag_path: str | Path, bag_dir_name: str = "rosbag2") -> Non
         ValueError: there is no bag.
     """
     folder = Path(bag_path)
-    folder = folder / bag_dir_name if (folder / bag_dir_name).is_dir() else folder
+    folder = folder / bag_dir_name if os.path.isdir(folder / bag_dir_name) else folder
     for topic in get_bag_info(folder)["topics_with_message_count"]:
         info = topic["topic_metadata"]
         print(f"{info['name']}  {info['type']}  {topic['message_count']}")  # noqa: T201

@@ -61,7 +61,7 @@ def command(
 def _program(folder: str, script: str) -> list[str]:
     """The command line; if a script lost its executable mode, with the interpreter of its `#!`."""
     path = Path(folder) / script
-    if not path.is_file():
+    if not os.path.isfile(path):
         return [script]
     if not os.access(path, os.X_OK):
         with path.open("rb") as file:
@@ -90,7 +90,7 @@ def compress(
     campaign = Path(results_dir)
     folder = Path(config_dir, output_dir) if output_dir else campaign.parent
     archive = folder / f"{campaign.name}.tar.gz"
-    if archive.exists() and not overwrite:
+    if os.path.exists(archive) and not overwrite:
         return True, f"{archive} is kept as it is; `overwrite: true` replaces it"
     excluded = set(exclude_dirs)
 

@@ -70,7 +70,7 @@ def _reply(request: Mapping[str, Any], guard: Guard) -> Any:
 def _with_remedy(outcome: Outcome, folder: str) -> Outcome:
     """Add a remedy to a failure that names a missing file next to the campaign's .vast file."""
     named = re.findall(rf"{re.escape(folder)}/([^\s'\":,;()]+)", outcome.message)
-    missing = [name for name in named if not Path(folder, name).exists()]
+    missing = [name for name in named if not os.path.exists(Path(folder, name))]
     if outcome.success or not missing:
         return outcome
     remedy = (
@@ -219,13 +219,15 @@ def _bound(
 def _named_folders(request: Mapping[str, Any]) -> Iterator[Path]:
     """Folders named in the user's parameters, where the plugin may therefore write."""
     for value in request["parameters"].values():
-        if isinstance(value, str) and ("/" in value or (Path(request["folder"]) / value).is_dir()):
-            yield Path(request["folder"], value)
+        if isinstance(value, str):
+            folder = Path(request["folder"], value)
+            if "/" in value or os.path.isdir(folder):
+                yield folder
 
 
 def _file_entries(path: Path, plugin: str, base: Path, campaign: Path) -> list[dict[str, Any]]:
     """Provenance entries that a script wrote to a file."""
-    if not path.exists():
+    if not os.path.exists(path):
         return []
     try:
         data = json.loads(read_file(path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import EntryPoint
@@ -187,7 +188,7 @@ def _code_version(name: str, folder: Path) -> str:
     parts = split_file_reference(name)
     try:
         if parts is not None:
-            return file_digest((folder / parts[0]).resolve())
+            return file_digest(Path(os.path.realpath(folder / parts[0])))
         return _package_version(plugins_of(GROUP)[name])
     except (KeyError, OSError, ImportError, ValueError):
         return ""

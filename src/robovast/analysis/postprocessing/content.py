@@ -36,7 +36,7 @@ def scan(folder: str | Path, ignored: Iterable[str] = (POSTPROCESSING,)) -> File
         ignored: names directly in the folder that are ignored; Python's bytecode is, everywhere.
     """
     found: Files = {}
-    ignored, pending = frozenset(ignored), [""]
+    ignored, pending = frozenset(ignored), [""] if os.path.isdir(folder) else []
     try:
         while pending:
             prefix = pending.pop()
@@ -81,7 +81,7 @@ def signature(files: Files, beside: Iterable[int] = ()) -> str:
 def file_digest(path: Path) -> str:
     """SHA-256 of a file's content, or of a link's target; of sparse files, which may have any size,
     only the data between the holes is hashed."""
-    if path.is_symlink():
+    if os.path.islink(path):
         return hashlib.sha256(os.readlink(path).encode(errors="surrogateescape")).hexdigest()
     with open_file(path) as file:
         if has_holes(file):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -53,11 +54,11 @@ def finish(
     if find_spec("duckdb") is None and summary.worked and not options.skip_tables:
         observer.message(str(QUERY.missing("duckdb", "The file `tables.duckdb`")))
     versions = {path: _version(unit) for path, unit in units.items() if path != WHOLE}
-    config = Layout(survey.campaign).config
-    documents = digests(config, (path.name for path in config.glob("*.vast")))
+    layout = Layout(survey.campaign)
+    documents = digests(layout.config, (path.name for path in layout.documents))
     now = f"{__version__} {combined({**versions, **documents})}"
     for part in _parts(survey, versions, options):
-        there = all(path.is_file() for path in part.files)
+        there = all(os.path.isfile(path) for path in part.files)
         if there and not options.force and state.note(part.name) == now:
             continue
         observer.step_started(part.name, 1)

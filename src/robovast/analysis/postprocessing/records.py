@@ -44,7 +44,7 @@ def merge(campaign: Path, entries: Iterable[Entry]) -> None:
         grouped.setdefault(run_of(entry["output"]), []).append(entry)
     for run, items in grouped.items():
         folder = campaign / run if run else Layout(campaign).transient
-        if folder.is_dir() or not run:
+        if os.path.isdir(folder) or not run:
             folder.mkdir(exist_ok=True)
             update(folder / POSTPROCESSING, items)
 

@@ -141,7 +141,7 @@ def _work(
 
 def _document(layout: Layout) -> Path | None:
     """The campaign's .vast file; None if it has none, for example after an early abort."""
-    found = sorted(layout.config.glob("*.vast"))
+    found = layout.documents
     if len(found) < 2:
         return next(iter(found), None)
     named = document_path(layout, read_configurations(layout))

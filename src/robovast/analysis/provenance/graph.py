@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -376,7 +377,7 @@ class Graph:
 
     def _metadata_file(self) -> Iterator[Node]:
         generated = _section(self._metadata, "generated")
-        used = [name for name in _RECORDS if (self._root / name).is_file()]
+        used = [name for name in _RECORDS if os.path.isfile(self._root / name)]
         yield from ({"@id": name, "@type": ["Entity"]} for name in used)
         times = (as_utc(generated.get("started_at")), as_utc(generated.get("ended_at")))
         yield _file_activity("metadata/", "robovast:PostprocessingMetadata", used, *times)

@@ -76,7 +76,7 @@ def _read_document(
     layout: Layout, named: Any, findings: Findings
 ) -> tuple[str | None, dict[str, Any]]:
     """Name and content of the campaign's .vast file."""
-    files = sorted(layout.config.glob("*.vast"), key=lambda file: (file.name != named, file.name))
+    files = sorted(layout.documents, key=lambda file: (file.name != named, file.name))
     if not files:
         findings.missing("no .vast file in _config", layout.root.name)
         return None, {}

@@ -6,6 +6,7 @@ import csv
 import difflib
 import io
 import logging
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import resources
@@ -97,7 +98,7 @@ class Graphs:
         self._store = self._engine.Store()
         self.campaigns: dict[str, Path] = {}
         """Folder of each campaign by its IRI."""
-        with_graph = [campaign for campaign in campaigns if (campaign / GRAPH).is_file()]
+        with_graph = [campaign for campaign in campaigns if os.path.isfile(campaign / GRAPH)]
         if not with_graph:
             raise InputError(
                 f"no campaign has a {GRAPH} ({', '.join(str(c) for c in campaigns)}). "

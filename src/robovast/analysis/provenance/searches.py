@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -27,7 +28,7 @@ def describe_search(layout: Layout, findings: Findings) -> list[dict[str, Any]]:
         findings: collects the first file that cannot be read; later batches are left out.
     """
     batches: list[dict[str, Any]] = []
-    while (path := layout.batch(len(batches))).is_file():
+    while os.path.isfile(path := layout.batch(len(batches))):
         try:
             batches.append(_batch(layout, len(batches)))
         except (OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
@@ -39,7 +40,7 @@ def describe_search(layout: Layout, findings: Findings) -> list[dict[str, Any]]:
 def _batch(layout: Layout, number: int) -> dict[str, Any]:
     """A batch; whatever is wrong with its files is raised as it comes."""
     made = _read(layout, number)
-    scored = layout.batch(number, ".result").is_file()
+    scored = os.path.isfile(layout.batch(number, ".result"))
     outcome = _read(layout, number, ".result") if scored else {}
     scores = {score["id"]: score for score in outcome.get("scores", ())}
     return {

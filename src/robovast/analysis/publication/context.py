@@ -98,7 +98,7 @@ def snapshot(campaign: Path) -> Path:
     Raises:
         InputError: there is none, or there are several candidates.
     """
-    found = sorted(Layout(campaign).config.glob("*.vast"))
+    found = Layout(campaign).documents
     if len(found) > 1:
         recorded = read_mapping(Layout(campaign).configurations).get("vast")
         found = [path for path in found if path.name == recorded]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -95,7 +96,7 @@ def _files(context: PublicationContext, *, unpacked: bool) -> Iterator[tuple[str
         return
     for campaign in context.campaigns:
         for name, path in files_of(campaign.path):
-            if not path.is_symlink():
+            if not os.path.islink(path):
                 yield f"{campaign.name}/{name}", path
 
 

@@ -48,10 +48,10 @@ def files_of(campaign: Path) -> Iterator[tuple[str, Path]]:
         if here == campaign:
             folders[:] = [name for name in folders if not name.startswith(".")]
             files = [name for name in files if not name.startswith(".")]
-        links = (name for name in folders if (here / name).is_symlink())
+        links = (name for name in folders if os.path.islink(here / name))
         for name in (*links, *files):
             path = here / name
-            if name != ".env" and (path.is_symlink() or path.is_file()):
+            if name != ".env" and (os.path.islink(path) or os.path.isfile(path)):
                 yield path.relative_to(campaign).as_posix(), path
 
 
@@ -68,7 +68,7 @@ def archive_path(path: str, *, omit_hidden: bool) -> str:
 
 
 def link_target(campaign: Path, path: str, link: Path, *, omit_hidden: bool) -> str | None:
-    """Target of a link in the archive; None if it leaves the campaign.
+    """Target of a link in the archive; None if it leaves the campaign or leads in a circle.
 
     Args:
         campaign: the campaign's folder.
@@ -76,9 +76,9 @@ def link_target(campaign: Path, path: str, link: Path, *, omit_hidden: bool) -> 
         link: the link.
         omit_hidden: as in `archive_path`.
     """
-    root = campaign.resolve()
-    end = link.resolve()
-    if link.readlink().is_absolute() or not end.is_relative_to(root):
+    root, end = Path(os.path.realpath(campaign)), Path(os.path.realpath(link))
+    leads_in_circle = os.path.islink(end)
+    if link.readlink().is_absolute() or leads_in_circle or not end.is_relative_to(root):
         return None
     inside = end.relative_to(root).as_posix()
     if omit_hidden:

@@ -119,7 +119,7 @@ class ZipArchives:
         targets = _targets(context.campaigns, folder, filename)
         said = []
         for campaign, target in targets:
-            if target.exists() and overwrite is False:
+            if os.path.exists(target) and overwrite is False:
                 said.append(f"{target.name} kept")
                 continue
             said.append(_pack(campaign, target, options, context, ask=overwrite is None))
@@ -171,7 +171,7 @@ def _pack(
     with appearing_file(target) as part:
         packed = _Archive(campaign, options)
         packed.write(part)
-        size, replaced = fmt_size(part.stat().st_size), target.exists()
+        size, replaced = fmt_size(part.stat().st_size), os.path.exists(target)
         if replaced and cmp(part, target, shallow=False):
             part.unlink()
             return f"{target.name} is up to date ({size}){packed.remark}"
@@ -206,7 +206,7 @@ class _Archive:
                     f"{self._campaign.name}: two files would be `{inside}` in the archive. Without "
                     "`omit_hidden` they keep their folders apart."
                 )
-            if source.is_symlink():
+            if os.path.islink(source):
                 links[inside] = self._link(source)
             else:
                 files[inside] = source
@@ -289,7 +289,7 @@ def _metadata(campaign: Path, fields: Mapping[str, Any]) -> bytes | None:
     """The content of metadata.yaml with additional fields in its `metadata` section."""
     path = campaign / METADATA
     if not fields:
-        return read_file(path, most=MOST_OF_ALL) if path.is_file() else None
+        return read_file(path, most=MOST_OF_ALL) if os.path.isfile(path) else None
     found = read_mapping(path)
     section = found.get("metadata")
     known = section if isinstance(section, dict) else {}

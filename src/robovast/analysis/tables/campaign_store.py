@@ -6,6 +6,7 @@ Scripts of the existing tool's users read it; RoboVAST itself does not.
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -52,7 +53,7 @@ def write_campaign_store(layout: Layout, document: Path | None, runs: Iterable[s
     """
     path = layout.root / CAMPAIGN_STORE
     try:
-        if path.exists() and not _is_ours(path):
+        if os.path.exists(path) and not _is_ours(path):
             return
         with (
             appearing_file(path) as part,
@@ -72,11 +73,11 @@ def index_campaign(layout: Layout, *, force: bool) -> bool:
     """
     runs = list(layout.run_folders())
     path = layout.root / CAMPAIGN_STORE
-    if not force and path.is_file():
+    if not force and os.path.isfile(path):
         made = path.stat().st_mtime
         if all(folder.stat().st_mtime < made for folder in runs):
             return False
-    documents = sorted(layout.config.glob("*.vast"))
+    documents = layout.documents
     names = (str(folder.relative_to(layout.root)) for folder in runs)
     write_campaign_store(layout, documents[0] if documents else None, names)
     return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence, Set
 from contextlib import closing, contextmanager
@@ -179,7 +180,7 @@ def _place(campaign: Path | StoredTables) -> tuple[str, str] | None:
     if isinstance(campaign, StoredTables):
         return campaign.campaign, campaign.address
     path = campaign.absolute() / COLUMNAR_TABLES
-    return (campaign.absolute().name, str(path)) if path.is_file() else None
+    return (campaign.absolute().name, str(path)) if os.path.isfile(path) else None
 
 
 def _parts(connection: DuckDBPyConnection, alias: str, campaign: str) -> dict[str, _Part]:

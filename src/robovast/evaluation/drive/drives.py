@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -192,7 +193,7 @@ class Drives:
             InputError: there is no such bag, or nothing in it can be read.
         """
         folder = resolved(self._results, bag)
-        files = sorted(folder.iterdir()) if folder.is_dir() else []
+        files = sorted(folder.iterdir()) if os.path.isdir(folder) else []
         states = tuple((file.name, *_state(file)) for file in files)
         key = (bag, tuple(sorted(named.items())), states)
         kept = self._keep(key)

@@ -46,7 +46,7 @@ class Recording:
             InputError: there is no such folder, or no file in it that can be read.
         """
         folder = resolved(root, relative)
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise MissingError(f"{relative} is no folder.")
         self.faults: list[str] = []
         self.files = list(open_files(root, relative))

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
+from robovast.campaign.layout import Layout
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.inside import resolved
 from robovast.evaluation.summaries import CampaignSummary
-from robovast.model.naming import CONFIG
 from robovast.model.packs import RUNS_LIMIT
 
 RUNTIMES = ("auto", "docker", "podman", "process")
@@ -96,10 +96,10 @@ def repeat_words(results: Path, place: str, record: Mapping[str, Any]) -> list[s
         record: of the run.
     """
     try:
-        folder = resolved(results, f"{place.partition('/')[0]}/{CONFIG}")
+        layout = Layout(resolved(results, place.partition("/")[0]))
     except InputError:
         return []
-    if not any(folder.glob("*.vast")) or record.get("verdict") in (None, Verdict.INTERRUPTED):
+    if not layout.documents or record.get("verdict") in (None, Verdict.INTERRUPTED):
         return []
     return ["replay", str(results / place), f"--out={results}"]
 

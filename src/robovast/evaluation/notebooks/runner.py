@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -121,7 +122,7 @@ class Runner:
             str(data.get("fault", "")),
             float(data.get("seconds", 0)),
             float(data.get("ended", 0)),
-            (self._cache / key / "output.html").is_file(),
+            os.path.isfile(self._cache / key / "output.html"),
         )
 
     def html(self, key: str) -> bytes:
@@ -205,7 +206,7 @@ class Runner:
                 self._children.discard(child)
         if self._closed:
             raise CannotRunError("The server ended while the notebook was executed.")
-        if not (folder / "result.json").is_file():
+        if not os.path.isfile(folder / "result.json"):
             said = read_end(log, folder, 2000)[0].decode(errors="replace").strip()
             raise CannotRunError(f"The notebook was not executed to its end. {said}")
 
@@ -217,7 +218,7 @@ class Runner:
             shutil.rmtree(target, ignore_errors=True)
             target.mkdir()
             for name in ("output.html", "result.json"):  # complete when the last is there
-                if (folder / name).exists():
+                if os.path.exists(folder / name):
                     with appearing_file(target / name) as part:
                         shutil.copyfile(folder / name, part)
             _remove_oldest(self._cache)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import count
@@ -12,7 +13,7 @@ from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
 from robovast.evaluation.inside import MissingError, OutsideError, read_small, resolved
 from robovast.evaluation.untrusted import mapping, parse_yaml
-from robovast.model.naming import CONFIG, holds_campaign
+from robovast.model.naming import holds_campaign
 
 SCOPES = ("campaign", "config", "run")
 """Scopes of notebooks; the index is the depth of the data's folder below the campaign's."""
@@ -75,7 +76,7 @@ class Target:
         """
         path = resolved(self.results, "/".join(self.names))
         campaign = self.results / self.names[0]
-        if path.relative_to(self.results).parts != self.names or not path.is_dir():
+        if path.relative_to(self.results).parts != self.names or not os.path.isdir(path):
             raise MissingError(f"{path} is no folder of results.")
         if not holds_campaign(campaign):
             raise MissingError(f"{campaign} is no campaign.")
@@ -91,8 +92,8 @@ class Target:
         """
         if len(self.names) > 1:
             raise InputError("A batch belongs to a campaign, not to a configuration or a run.")
-        if batch < 0 or not layout.batch(batch, ".result").is_file():
-            scored = next(n for n in count() if not layout.batch(n, ".result").is_file())
+        if batch < 0 or not os.path.isfile(layout.batch(batch, ".result")):
+            scored = next(n for n in count() if not os.path.isfile(layout.batch(n, ".result")))
             there = f"its batches are 0 to {scored - 1}" if scored else "it has none yet"
             raise MissingError(f"{layout.root} has no batch {batch} with scores; {there}.")
 
@@ -103,7 +104,7 @@ def target_of(path: Path, batch: int | None = None) -> Target:
     Raises:
         InputError: the folder is not a campaign, configuration or run.
     """
-    folder = path.resolve()
+    folder = Path(os.path.realpath(path))
     for results in reversed(folder.parents[: len(SCOPES)]):  # the outermost campaign
         names = folder.relative_to(results).parts
         if holds_campaign(results / names[0]):
@@ -170,12 +171,14 @@ def find_notebook(target: Target, workload: str | None, override: Path | None) -
 
 def _own_document(target: Target) -> Path | None:
     """The campaign's .vast file; None when it has none, as one that was aborted early."""
-    folder = target.results / target.names[0] / CONFIG
-    found = sorted(folder.glob("*.vast"))
+    layout = Layout(target.results / target.names[0])
+    found = layout.documents
     if not found:
         return None
     if len(found) > 1:
-        raise InputError(f"{folder} holds {len(found)} .vast files; name the one to use with `-o`.")
+        raise InputError(
+            f"{layout.config} holds {len(found)} .vast files; name the one to use with `-o`."
+        )
     return resolved(target.results, str(found[0].relative_to(target.results)))
 
 

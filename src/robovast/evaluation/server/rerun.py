@@ -72,7 +72,7 @@ def viewer(recording: Path, name: str, folder: Path) -> Iterator[Viewer]:
         text=True,
         check=False,
     )
-    if done.returncode or not converted.is_file():
+    if done.returncode or not os.path.isfile(converted):
         raise InputError(f"Rerun cannot read {recording}: {_last_line(done.stderr)}")
     port = _free_port()
     log = folder / "rerun.log"

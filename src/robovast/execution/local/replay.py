@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import glob
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -94,9 +96,10 @@ def find_run(folder: Path) -> StoredRun:
 
 def _why_no_run(folder: Path) -> str:
     wanted = "Name the folder of a run, `<campaign>/<configuration>/<run>`"
-    if not folder.exists():
+    if not os.path.exists(folder):
         return f"there is no such folder. {wanted}."
-    runs = sorted(file.parent for up in ("*", "*/*") for file in folder.glob(f"{up}/{RUN_RECORD}"))
+    found = (glob.glob(f"{up}/{RUN_RECORD}", root_dir=folder) for up in ("*", "*/*"))
+    runs = sorted((folder / name).parent for name in chain(*found))
     if runs:
         return f"is not the folder of one run. {wanted}, such as {runs[0]}."
     return f"there is no run with a `{RUN_RECORD}` of this version. {wanted}."
@@ -197,7 +200,7 @@ def replay_run(
 
 def _refuse_inside(output: Path, campaign: Path) -> None:
     """Refuse a place for replays where they would change the campaign that is replayed."""
-    if output.resolve().is_relative_to(campaign.resolve()):
+    if Path(os.path.realpath(output)).is_relative_to(os.path.realpath(campaign)):
         raise InputError(
             f"{output}: is in the campaign {campaign}, which a replay leaves as it is. Name a "
             "folder outside of it: `--out PATH`."

@@ -141,7 +141,7 @@ def finished_runs(
 
 def _refuse_links(layout: Layout, runs: Sequence[Run]) -> None:
     for name in dict.fromkeys(run.variant.name for run in runs):
-        if (folder := layout.variant(name)).is_symlink():
+        if os.path.islink(folder := layout.variant(name)):
             raise StorageError(
                 f"{folder}: is a link, and a run that is stored there would change what it leads "
                 "to. Put the folder itself in its place, or remove the link."
@@ -151,7 +151,7 @@ def _refuse_links(layout: Layout, runs: Sequence[Run]) -> None:
 
 def first_free_job(layout: Layout) -> int:
     """The number after that of the last job."""
-    names = os.listdir(layout.jobs) if layout.jobs.is_dir() else ()
+    names = os.listdir(layout.jobs) if os.path.isdir(layout.jobs) else ()
     numbers = (name.removeprefix("job-") for name in names)
     return max((int(number) for number in numbers if is_run_number(number)), default=-1) + 1
 
@@ -175,7 +175,7 @@ def explained(root: Path) -> Iterator[None]:
         else:
             cause, remedy = f"{error.strerror} ({error.filename})", "Mend that"
         resume = f"vast exec local run --resume {shlex.quote(str(root))}"
-        begun = Layout(root).execution_record.is_file()
+        begun = os.path.isfile(Layout(root).execution_record)
         rest = (
             f"The runs that were finished are stored. {remedy}, then continue with `{resume}`."
             if begun

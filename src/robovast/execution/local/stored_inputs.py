@@ -70,8 +70,9 @@ def refuse_links(layout: Layout) -> None:
         InputError: one is.
     """
     own = (layout.execution, layout.transient, layout.jobs, layout.aside, layout.running)
-    for path in (*own, *layout.running.glob("*")):
-        if path.is_symlink():
+    jobs = (layout.running / name for name in safe_paths.names(layout.running, layout.root))
+    for path in (*own, *jobs):
+        if os.path.islink(path):
             raise InputError(
                 f"{path}: is a link, and what is stored there would change what the link leads "
                 "to. Remove the link."

@@ -92,7 +92,7 @@ def _missing_notebooks(parts: Parts) -> Iterator[Problem]:
             for name, notebooks in (item or {}).items():
                 known = {s: n for s, n in (notebooks or {}).items() if s in Notebooks.model_fields}
                 for scope, notebook in known.items():
-                    if notebook is not None and not (parts.folder / notebook).is_file():
+                    if notebook is not None and not os.path.isfile(parts.folder / notebook):
                         yield parts.source.problem(
                             (section, "visualization", position, name, scope),
                             f"there is no notebook `{notebook}` in {parts.folder}",
@@ -288,7 +288,7 @@ def _doubtful_processing(parts: Parts) -> Iterator[Problem]:
             base = _place_of_parameters(parts, path, call)
             for key, message in _without_effect(call, model):
                 yield parts.source.problem((*base, *key), message, at_key=bool(key))
-        elif file is not None and not (parts.folder / file[0]).is_file():
+        elif file is not None and not os.path.isfile(parts.folder / file[0]):
             yield parts.source.problem(path, f"there is no file {file[0]} in {parts.folder}")
         elif file is None and call.name not in known:
             near = nearest(call.name, known)
@@ -335,7 +335,7 @@ def _check_command(parts: Parts, key: str, command: str) -> Iterator[Problem]:
     path = host_path(parts.folder, command)
     if path is None:
         return  # a file of the image, which is not available here
-    if not path.is_file():
+    if not os.path.isfile(path):
         yield parts.source.problem(
             ("execution", key),
             f"`{command}` is {path} on this machine, and there is no such file",

@@ -47,7 +47,7 @@ def _is_campaign(folder: Path) -> bool:
 
     Merged, generated and prepared campaigns may have any name.
     """
-    is_prepared = (folder / _PREPARED).is_dir()
+    is_prepared = os.path.isdir(folder / _PREPARED)
     return is_prepared or is_campaign_dir(folder) or holds_campaign(folder)
 
 
@@ -59,7 +59,7 @@ def _matches(path: Path, pattern: str) -> bool:
 
 
 def _is_input(folder: Path, relative: Path) -> bool:
-    if relative.is_absolute() or ".." in relative.parts or not (folder / relative).is_file():
+    if relative.is_absolute() or ".." in relative.parts or not os.path.isfile(folder / relative):
         return False
     if not _NO_INPUTS.isdisjoint(relative.parts):
         return False
@@ -85,7 +85,7 @@ def named_files(folder: Path, value: Any) -> Iterator[Path]:
         value: the parameters, or a part of them.
     """
     if isinstance(value, str):
-        if value and _is_file(folder / value):
+        if value and os.path.isfile(folder / value):
             yield Path(value)
     elif isinstance(value, dict):
         for item in value.values():
@@ -93,10 +93,3 @@ def named_files(folder: Path, value: Any) -> Iterator[Path]:
     elif isinstance(value, list):
         for item in value:
             yield from named_files(folder, item)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # the text cannot be a path
-        return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -261,9 +262,9 @@ def _refuse_wrong_values(document: Document, variant: Variant, scenario: Scenari
 
 def _input_files(document: Document, used: list[Variation]) -> tuple[Path, ...]:
     named = {str(name) for variation in used for name in variation.get_input_files()}
-    paths = sorted((document.folder / name).resolve() for name in named)
+    paths = sorted(Path(os.path.realpath(document.folder / name)) for name in named)
     root = document.folder.resolve()
-    return tuple(p.relative_to(root) for p in paths if p.is_relative_to(root) and p.is_file())
+    return tuple(p.relative_to(root) for p in paths if p.is_relative_to(root) and os.path.isfile(p))
 
 
 def _transient_files(used: list[Variation]) -> tuple[ConfigFile, ...]:
@@ -276,7 +277,7 @@ def _config_file(variant: str, item: Any) -> ConfigFile:
     path = Path(str(relative))
     if path.is_absolute() or ".." in path.parts:
         raise InputError(f"configuration `{variant}`: the file `{relative}` leaves its folder.")
-    if not Path(source).is_file():
+    if not os.path.isfile(source):
         raise InputError(f"configuration `{variant}`: the file {source} does not exist.")
     return ConfigFile(str(path), Path(source).absolute())
 
