@@ -270,7 +270,7 @@ def test_a_damaged_record_of_configurations_is_one_message(tmp_path: Path) -> No
             find_run(folder)
         assert said in str(error.value)
     path.write_text("configs: [{name: one-1, config: {x: &x [*x]}}]\n")
-    with pytest.raises(InputError, match="a value is part of itself"):
+    with pytest.raises(InputError, match="refers to what it is part of"):
         find_run(folder)
     path.write_text("vast: [\n")
     code, text = replay(folder)
