@@ -166,12 +166,14 @@ def test_the_page_forgets_a_campaign_whose_bucket_is_gone_and_nothing_else(
     for campaign in campaigns[:2]:
         Pod(campaign).run()
     store, page = campaigns[0].store, tmp_path / "page"
+    first, second = sorted(campaigns[:2], key=lambda campaign: campaign.bucket, reverse=True)
     (page / "mine-2026-03-05-121530" / "_config").mkdir(parents=True)
     mirror(store, page)
     there = {path.name for path in page.iterdir()}
-    gone = folder_for(page, NAME, campaigns[0].plan.owner).name
-    assert gone in there
-    store.delete_bucket(campaigns[0].bucket)
+    gone = folder_for(page, NAME, first.plan.owner).name
+    assert gone == NAME, "it is the first that the page has, so that its name becomes free"
+    assert folder_for(page, NAME, second.plan.owner).name in there - {NAME}
+    store.delete_bucket(first.bucket)
     mirror(store, page)
     assert {path.name for path in page.iterdir()} == there - {gone}
 

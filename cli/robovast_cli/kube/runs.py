@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from robovast.base.errors import InputError
+from robovast.base.errors import CannotRunError, InputError
 from robovast.base.ranges import Span
 from robovast.campaign.layout import INDEX, JOBS, LOGS, RUN_RECORD, parameters_key
 from robovast.campaign.run_record import RunRecord, parse_run_record
@@ -136,9 +136,18 @@ class CampaignRuns:
         return bad_runs(self._store, self._bucket, name)
 
     def record(self, run: str) -> RunRecord | None:
-        """The record of a run; None when it is not stored."""
-        content = self._store.read(self._bucket, f"{run}/{RUN_RECORD}") if self._bucket else None
-        return None if content is None else parse_run_record(content)
+        """The record of a run; None when it is not stored.
+
+        Without access to its storage, a campaign that has no bucket as far as its status knows
+        has stored nothing.
+        """
+        try:
+            found = self._store.read(self._bucket, f"{run}/{RUN_RECORD}") if self._bucket else None
+        except CannotRunError:
+            if self.campaign is None or self.campaign.status.bucket:
+                raise
+            return None
+        return None if found is None else parse_run_record(found)
 
     def bad(self) -> list[str]:
         """Failed and errored runs by folder: those of the index, else of the status so far."""

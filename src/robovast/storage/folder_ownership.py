@@ -21,7 +21,8 @@ from robovast.storage.bucket_ownership import OWNER, OtherOwnerError, parse_owne
 def folder_for(results: Path, campaign: str, owner: Owner | None) -> Path:
     """Folder for the campaign of a bucket: `<campaign>`, unless that belongs to another campaign.
 
-    Another campaign with the same name and second is `<name>-<start of its uid>-<timestamp>`.
+    Another campaign with the same name and second is `<name>-<start of its uid>-<timestamp>`, and
+    stays there when the first one is gone.
 
     Args:
         results: the results folder.
@@ -29,9 +30,12 @@ def folder_for(results: Path, campaign: str, owner: Owner | None) -> Path:
         owner: owner of its bucket.
     """
     wanted = results / campaign
-    if owner is None or _is_free_for(wanted, owner):
+    if owner is None or _owner_of(wanted) == owner:
         return wanted
-    return results / distinct_name(campaign, owner.uid)
+    distinct = results / distinct_name(campaign, owner.uid)
+    if _owner_of(distinct) != owner and _is_free_for(wanted, owner):
+        return wanted
+    return distinct
 
 
 def distinct_name(campaign: str, uid: str) -> str:
