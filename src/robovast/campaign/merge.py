@@ -170,13 +170,19 @@ def _parts(layout: Layout) -> Iterator[_Part]:
     for folder in sorted(layout.root.iterdir()):
         if os.path.isdir(layout.variant_config(folder.name)) and is_variant(folder.name):
             identity = read_mapping(folder / VARIANT_RECORD)
-            yield _Part(layout, folder.name, identity.get("config_identifier"))
+            known = identity.get("config_identifier")
+            yield _Part(layout, folder.name, str(known) if isinstance(known, str | int) else None)
 
 
 def _grouped(parts: Sequence[_Part], *, by_name: bool) -> list[list[_Part]]:
-    groups: dict[str, list[_Part]] = {}
+    groups: dict[tuple[str, str], list[_Part]] = {}  # no identifier is taken for a path
     for part in parts:
-        key = part.name if by_name else part.identifier or part.path
+        if by_name:
+            key = "name", part.name
+        elif part.identifier:
+            key = "identifier", part.identifier
+        else:
+            key = "path", part.path
         groups.setdefault(key, []).append(part)
     return list(groups.values())
 

@@ -142,7 +142,7 @@ class Library:
         """Refuse a campaign that a mirror has no room for; the reason is in its folder."""
         with suppress(OSError):
             path = resolved(self.results, name) / OMITTED
-            raise InputError(read_file(path).decode())
+            raise InputError(read_file(path).decode("utf-8", "replace"))
 
     def _may_have_changed(self, shelf: _Shelf) -> bool:
         changed = resolved(self.results, shelf.index.name).stat().st_mtime_ns

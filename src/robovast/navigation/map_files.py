@@ -31,6 +31,7 @@ import io
 import math
 import re
 import warnings
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -137,9 +138,8 @@ def _mapping(content: bytes, name: str) -> dict[Any, Any]:
         raise InputError(f"the map {name} cannot be read: not valid YAML: {error}") from error
     if node is None or not isinstance(data, dict):
         raise InputError(f"{name} is no map: it must be a mapping with `image` and `resolution`.")
-    keys = [key.value for key, _ in node.value]
-    for key in data:
-        if keys.count(key) > 1:
+    for key, times in Counter(key.value for key, _ in node.value).items():
+        if times > 1:
             raise InputError(f"the map {name}: `{key}` occurs several times; remove all but one.")
     return data
 

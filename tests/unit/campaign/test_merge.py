@@ -91,6 +91,18 @@ def test_runs_of_equal_configurations_come_together(tmp_path: Path) -> None:
     assert after == before, "the campaigns were changed"
 
 
+@pytest.mark.parametrize("identifier", [f"{FIRST}/one-1", "[1, 2]", "{a: 1}", "5"])
+def test_no_identifier_of_others_takes_in_a_configuration_without_one(
+    tmp_path: Path, identifier: str
+) -> None:
+    first = make_campaign(tmp_path, FIRST, {"one-1": None}, 2)
+    second = make_campaign(tmp_path, SECOND, {"other": identifier}, 2)
+    result = merge_campaigns([first, second], tmp_path / "merged")
+    assert (result.configurations, result.runs) == (2, 4)
+    for name, origin in (("one-1", FIRST), ("other", SECOND)):
+        assert (result.target / name / "1" / "out.csv").read_text() == f"{origin} {name} 1"
+
+
 def test_of_parts_of_one_campaign_each_configuration_stays_one(tmp_path: Path) -> None:
     """Two configurations of a document may differ in nothing but their name."""
     first = make_campaign(tmp_path, FIRST, {"slow": "A", "old": None}, 2)

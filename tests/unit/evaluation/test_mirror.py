@@ -95,3 +95,12 @@ def test_campaigns_without_room_are_left_out_with_a_reason_until_there_is_room(
     assert shown(store, 1000) == {1, 2, 3}
     assert not list(tmp_path.glob(f"*/{OMITTED}"))
     assert (tmp_path / "mine-2026-01-01-000000").exists()
+
+
+def test_a_reason_that_is_no_text_harms_only_its_campaign(tmp_path: Path) -> None:
+    folder = tmp_path / "c-2026-03-01-121530"
+    (folder / "_config").mkdir(parents=True)
+    (folder / "_config/a.vast").touch()
+    (folder / OMITTED).write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError):
+        Library(tmp_path).summary(folder.name)

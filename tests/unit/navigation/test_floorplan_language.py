@@ -123,6 +123,7 @@ def test_what_is_written_is_read_again(written) -> None:
         ("wrt: left.walls[1]", "wrt: lift.walls[1]", ":26:5: there is no space `lift`"),
         ("of: this.walls[3]", "of: this.walls[4]", ":26:5: there is no `this.walls[4]`"),
         ("in: left.walls[0]", "in: left.walls[7]", ":41:5: there is no `left.walls[7]`"),
+        ("in: left.walls[0]", "in: left.walls[-1]", ":41:5: there is no `left.walls[-1]`"),
         ("wrt: world", "wrt: right", ":26:5: spaces are placed at one another in a circle"),
         ("(1.5 m, -2.5 m), (-1.5 m, -2.5 m)", "(-1.5 m, -2.5 m), (1.5 m, -2.5 m)", "cross one"),
     ],

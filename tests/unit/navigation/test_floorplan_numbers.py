@@ -8,6 +8,8 @@ import pytest
 
 from robovast.base.errors import InputError
 from robovast.navigation.floorplan.language import read_floorplan
+from robovast.navigation.floorplan.layout import lay_out
+from robovast.navigation.floorplan.render import render
 from robovast.navigation.floorplan.sampling import read_variation
 
 PLAN = """Floor plan: flat
@@ -33,6 +35,13 @@ def test_numbers_that_are_too_large_have_a_place(tmp_path: Path, number: str) ->
         variation.write_text(f'import "flat.fpm"\nhall: {{ shape.width: {draw} }}\n')
         with pytest.raises(InputError, match=r"flat.variation:2:\d+.* is too large"):
             read_variation(variation)
+
+
+def test_a_plan_of_too_many_cells_is_refused_before_it_is_drawn(tmp_path: Path) -> None:
+    plan = tmp_path / "flat.fpm"
+    plan.write_text(PLAN.format("900000.0"))
+    with pytest.raises(InputError, match=r"more than 64,000,000\. Use a coarser resolution"):
+        render(lay_out(read_floorplan(plan)))
 
 
 @pytest.mark.parametrize("name", ["a\0b", "x" * 300])

@@ -74,6 +74,7 @@ def plan(folder: Path) -> Path:
         ("room: { defaults.wall.thickness : uniform([0.3]) }", "thickness: 0.3 m"),
         ("room: { defaults.wall.height : uniform([2.0]) }", "height: 2 m"),
         ("// a comment\nv : discrete([(1.0, 0.7)])", "width=0.7 m, height=2 m"),
+        ("v : discrete([(0.9999995, 0.7)])", "width=0.7 m, height=2 m"),  # the weights are rounded
         ("v : normal(mean=0.7, std=0.0)", "width=0.7 m, height=2 m"),
         ("room: { shape.width : uniform([4.0]) shape.length : uniform([3.0]) }", "4 m, length=3 m"),
     ],

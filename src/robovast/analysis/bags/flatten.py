@@ -76,8 +76,8 @@ def number_text(values: Any) -> bytes:
 
 
 def number_cells(values: Any) -> list[bytes]:
-    """One cell for several numbers (not empty)."""
-    return number_text(values).split(b",")
+    """A cell for each number."""
+    return number_text(values).split(b",") if len(values) else []
 
 
 def bool_cells(values: Any) -> list[bytes]:
@@ -87,7 +87,8 @@ def bool_cells(values: Any) -> list[bytes]:
 
 def seconds_cell(nanoseconds: int) -> bytes:
     """A time [ns] in seconds, without rounding."""
-    return b"%d.%09d" % divmod(nanoseconds, 1_000_000_000)
+    sign = b"-" if nanoseconds < 0 else b""
+    return b"%s%d.%09d" % (sign, *divmod(abs(nanoseconds), 1_000_000_000))
 
 
 def array_cell(values: NDArray[Any]) -> bytes:

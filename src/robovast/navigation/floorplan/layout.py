@@ -165,7 +165,7 @@ class _Rooms:
             DocumentError: there is no such space or wall.
         """
         walls = self.at(ref.space, place).walls
-        if ref.wall is None or ref.wall >= len(walls):
+        if ref.wall is None or not 0 <= ref.wall < len(walls):
             raise _no_wall(ref, len(walls), place)
         return walls[ref.wall]
 
@@ -216,7 +216,7 @@ def _frame(space: Space, walls: list[Wall], rooms: _Rooms, thickness: float) -> 
     base = rooms.frame(location.wrt, space.place)
     if location.of.wall is None:
         return compose(base, offset)
-    if location.of.wall >= len(walls):
+    if not 0 <= location.of.wall < len(walls):
         raise _no_wall(location.of, len(walls), space.place)
     if location.wrt.wall is not None:
         wall = rooms.wall(location.wrt, space.place)

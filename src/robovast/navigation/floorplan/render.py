@@ -9,7 +9,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from robovast.base.errors import InputError
 from robovast.navigation.floorplan.layout import Layout
+from robovast.navigation.map_files import MOST_CELLS
 from robovast.navigation.occupancy import Mask, OccupancyMap
 
 RESOLUTION = 0.05
@@ -40,6 +42,11 @@ def render(layout: Layout, resolution: float = RESOLUTION) -> OccupancyMap:
         math.ceil((y1 + _MARGIN - origin[1]) / resolution),
         math.ceil((x1 + _MARGIN - origin[0]) / resolution),
     )
+    if shape[0] * shape[1] > MOST_CELLS:
+        raise InputError(
+            f"the map of the floor plan would have {shape[0] * shape[1]:,} cells, more than "
+            f"{MOST_CELLS:,}. Use a coarser resolution, or a smaller plan."
+        )
     occupied = fill(solid, shape, resolution, origin)
     free = fill(floor, shape, resolution, origin) & ~occupied
     return OccupancyMap(free, occupied, resolution, origin)

@@ -140,7 +140,8 @@ def _distribution(source: Source, node: Any) -> Draw:
     choices = [(float(option.value.number), option.value.unit) for option in node.options]
     if min(weights) < 0 or not math.isclose(sum(weights), 1.0, abs_tol=1e-6):
         source.problem(node, f"the weights must sum to 1, not {sum(weights):g}")
-    return lambda rng: choices[rng.choice(len(choices), p=weights)]
+    total = sum(weights)  # NumPy allows less of a difference from 1
+    return lambda rng: choices[rng.choice(len(choices), p=[weight / total for weight in weights])]
 
 
 def _attribute(name: str) -> str:
