@@ -247,19 +247,19 @@ class Diagnosis:
     async def _trouble_of_events(
         self, job: JobState, seen: Sequence[Object], pending: Sequence[Object]
     ) -> Trouble | None:
-        """Why no pod of a Job starts: of the one that waits for longest, or of the Job itself."""
-        stuck = min(pending, key=last_success, default=None)
-        uid = job.uid if stuck is None else stuck["metadata"]["uid"]
+        """Find in Events of the oldest pending pod, or of the Job, why no pod starts."""
+        oldest = min(pending, key=last_success, default=None)
+        uid = oldest["metadata"]["uid"] if oldest else job.uid
         found = self._api.list(
             paths.events(job.namespace), fieldSelector=f"involvedObject.uid={uid}"
         )
         events = [event async for event in _first(found)]
-        if stuck is not None:
-            return hook_trouble(stuck, events) or trouble_of_events(events, last_success(stuck))
-        trouble = trouble_of_events(events, last_success(*seen, since=job.started))
-        if trouble is None or trouble.reason not in {"Quota", "Refused"}:
-            return trouble
-        return replace(trouble, message=await self._explained(job, trouble.message))
+        if oldest:
+            return hook_trouble(oldest, events) or trouble_of_events(events, last_success(oldest))
+        problem = trouble_of_events(events, last_success(*seen, since=job.started))
+        if problem is None or problem.reason not in {"Quota", "Refused"}:
+            return problem
+        return replace(problem, message=await self._explained(job, problem.message))
 
     async def _explained(self, job: JobState, refusal: str) -> str:
         """Explain the refusal of a Job's pods by the quotas and limits of its namespace."""

@@ -16,7 +16,7 @@ class Rotation(Generic[T]):
         self._groups: OrderedDict[str, deque[T]] = OrderedDict()
         """The items of each group that has some; the group whose turn is next comes first."""
         self._last = ""
-        """The group that had the last turn: whoever comes before the next turn precedes it."""
+        """The group of the last item. Groups that get an item before the next `take` precede it."""
 
     def add(self, group: str, item: T) -> None:
         """Add an item behind those of its group; a group without items gets the last turn."""

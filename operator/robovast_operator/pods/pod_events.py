@@ -18,28 +18,28 @@ _CAUSES = {
     "FailedCreatePodSandBox": "Container",
     "FailedCreate": "Refused",
 }
-"""Reasons that only Events give, and the cause in plain words."""
+"""Reason of a Trouble by the reason of an Event that no pod status contains."""
 
 _STEPS = frozenset({"Scheduled", "Pulled", "Created", "Started", "SuccessfulCreate"})
-"""Reasons of Events about what went well."""
+"""Reasons of Events that report progress."""
 
 _CONDITIONS = frozenset(
     {"PodScheduled", "PodReadyToStartContainers", "Initialized", "ContainersReady", "Ready"}
 )
-"""Conditions of a pod that are true when something went well."""
+"""Conditions of a pod that become true with its progress."""
 
 
-def trouble_of_events(events: Iterable[Object], well: datetime) -> Trouble | None:
-    """Why a pod is not created or does not start; the latest Event counts.
+def trouble_of_events(events: Iterable[Object], last_progress: datetime) -> Trouble | None:
+    """Find in the latest Event why a pod is not created or does not start.
 
     Args:
         events: of the pod, or of the Job that creates pods.
-        well: when something last went well for it; what Events report of before is over.
+        last_progress: time of its last progress; earlier Events are ignored.
     """
     known = [event for event in events if text(event.get("reason")) in {*_CAUSES, *_STEPS}]
     last = max(known, key=lambda event: (_time(event), event["reason"] in _STEPS), default={})
     reason = _CAUSES.get(text(last.get("reason")))
-    if reason is None or _time(last) <= well:
+    if reason is None or _time(last) <= last_progress:
         return None
     message = text(last.get("message"))
     quota = reason == "Refused" and "exceeded quota" in message
@@ -47,7 +47,7 @@ def trouble_of_events(events: Iterable[Object], well: datetime) -> Trouble | Non
 
 
 def _time(event: Object) -> datetime:
-    """When what an Event reports last happened."""
+    """Return when the reported condition last occurred."""
     series, meta = mapping(event.get("series")), mapping(event.get("metadata"))
     given = (
         *(event.get("lastTimestamp"), event.get("eventTime")),
@@ -57,11 +57,11 @@ def _time(event: Object) -> datetime:
 
 
 def last_success(*pods: Object, since: str = "") -> datetime:
-    """When something last went well for pods, by their status.
+    """Return the time of the last progress of pods, by their status.
 
     Args:
         pods: any number.
-        since: when their Job began.
+        since: start time of their Job.
     """
     states = [
         mapping(state)
@@ -86,10 +86,10 @@ def last_success(*pods: Object, since: str = "") -> datetime:
 
 
 def hook_trouble(pod: Object, events: Sequence[Object]) -> Trouble | None:
-    """The `postStart` hook that keeps a pod from starting; None if none does.
+    """Find the `postStart` hook that keeps a pod from starting.
 
-    The status of a pod does not change while a hook runs: the container that has started still
-    waits there. So do those after it, whose start the kubelet begins only when the hook has ended.
+    While a hook runs, the status of its container is still `waiting`, although the container has
+    started. The kubelet starts the next container only when the hook has ended.
     """
     reasons: dict[str, set[str]] = {}
     for event in events:
@@ -107,5 +107,5 @@ def hook_trouble(pod: Object, events: Sequence[Object]) -> Trouble | None:
     how = "has started, but its `postStart` hook has not finished"
     if name in foreign_names(pod):
         return foreign_trouble(pod, name, how)
-    told = f"the container {name} in the pod {pod['metadata']['name']} {how}. Until then"
-    return Trouble("Container", f"{told} the pod does not start.")
+    where = f"the container {name} in the pod {pod['metadata']['name']}"
+    return Trouble("Container", f"{where} {how}. The pod does not start before the hook ends.")
