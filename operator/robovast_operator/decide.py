@@ -86,9 +86,6 @@ class DeletePlan:
 DEFAULT_QUEUE = "default"
 """Kueue puts Jobs without a queue into the one of this name, where there is one."""
 
-LIMITED_PAUSE = 10.0
-"""How often a campaign that has fewer pods than it asks for looks whether it may have more [s]."""
-
 Action = (
     CreateShard
     | CreateTask
@@ -133,25 +130,9 @@ def _open_jobs(snapshot: Snapshot) -> list[Action]:
     anew = [job for job in snapshot.open if _is_to_be_made_anew(snapshot, job)]
     others = [job for job in snapshot.open if job not in anew and not job.deleting]
     wrong = [job for job in others if _is_wrong(snapshot, job)]
-    actions = _switched(snapshot, wrong)
-    return [*actions, *(_made_anew(snapshot, job) for job in anew), *_resize(snapshot)]
-
-
-def _switched(snapshot: Snapshot, jobs: Sequence[JobState]) -> list[Action]:
-    """Suspend or resume Jobs; where pods are limited, as many are resumed as there may be."""
     suspend = snapshot.accepted.spec.suspend
-    if suspend or not snapshot.is_limited:
-        return [SuspendJob(job.name, suspend) for job in jobs]
-    free = snapshot.parallelism - sum(j.parallelism for j in snapshot.open if not j.suspended)
-    actions: list[Action] = []
-    for job in jobs:
-        pods = min(job.parallelism, free)
-        if pods > 0:
-            smaller = pods < job.parallelism
-            actions += [ResizeJob(job.name, pods)] if smaller else []
-            actions.append(SuspendJob(job.name, suspend=False))
-            free -= pods
-    return actions
+    switched = [SuspendJob(job.name, suspend) for job in wrong]
+    return [*switched, *(_made_anew(snapshot, job) for job in anew), *_resize(snapshot)]
 
 
 def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
@@ -200,7 +181,7 @@ def _resize(snapshot: Snapshot) -> list[Action]:
         return _shrink(snapshot)
     if snapshot.not_begun:
         return []
-    free = snapshot.parallelism - snapshot.rounds.busy
+    free = spec.parallelism - snapshot.rounds.busy
     if 0 < free < snapshot.rounds.idle_pods:
         return []
     return _grow(snapshot.open, free) if free > 0 else _cut(snapshot.open, spec.parallelism)
@@ -255,7 +236,7 @@ def _further_shards(snapshot: Snapshot) -> list[Action]:
     """
     spec, rounds = snapshot.accepted.spec, snapshot.plan.rounds is not None
     pods, waiting = snapshot.rounds.pods_of_open, snapshot.not_begun
-    chosen = next_shards(waiting, pods, snapshot.parallelism, alone=rounds)
+    chosen = next_shards(waiting, pods, spec.parallelism, alone=rounds)
     if spec.queue_name is not None or any(job.queue for job in snapshot.open):
         # at most one waits, so that other campaigns have their turn
         chosen = [] if any(job.suspended for job in snapshot.open) else chosen[:1]
@@ -357,7 +338,5 @@ def _expire(snapshot: Snapshot) -> list[Action]:
 def _again(snapshot: Snapshot) -> float | None:
     expiry = _expiry(snapshot)
     if expiry is None or not snapshot.jobs:
-        held = snapshot.parallelism < snapshot.accepted.spec.parallelism and not snapshot.quiet
-        pause = _pause(snapshot)
-        return LIMITED_PAUSE if held and pause is None else pause
+        return _pause(snapshot)
     return max(1.0, (expiry - snapshot.now).total_seconds())

@@ -190,8 +190,6 @@ class Memory:
     """Of `effects.job_maker`: names of the campaign's Jobs that others have taken."""
     witnessed: set[str] = field(default_factory=set)
     """Of `effects.witness`: uids of ended Jobs whose pods were read."""
-    limited_pods: int = 0
-    """Of the reconcile loop: how many it had, where the installation limits them."""
     delivered: set[str] = field(default_factory=set)
     """Of `effects.deliveries`: uids of ended Jobs that were reported."""
     failing: float | None = None

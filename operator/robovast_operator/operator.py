@@ -20,7 +20,6 @@ from robovast_operator.kube.resync import Kind, Resync
 from robovast_operator.kube.serve import serve
 from robovast_operator.kube.store import Id, JobState, Store, campaign_of, id_of
 from robovast_operator.kube.work_queue import WORKERS, WorkQueue, work
-from robovast_operator.planning.pod_limits import most_pods
 from robovast_operator.reconcile import Reconciler
 from robovast_operator.settings import Settings
 
@@ -40,7 +39,7 @@ class Operator:
         self._settings = settings
         self.store = Store()
         self.queue = WorkQueue()
-        self.metrics = Metrics(partial(most_pods, settings.pod_limits))
+        self.metrics = Metrics()
         self._lease_api = Api(connect(), self.metrics)
         self.leadership = Leadership(self._lease_api, settings)
         self.api = Api(connect(), self.metrics, may_write=self._may_write)

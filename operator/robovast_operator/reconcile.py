@@ -44,14 +44,12 @@ from robovast_operator.kube.metrics import Metrics
 from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
-from robovast_operator.kube.turns import Turns
 from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
 from robovast_operator.planning.accept import DOCUMENT_CHANGED, with_composition
 from robovast_operator.planning.additions import Additions
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import NOT_FOUND
-from robovast_operator.planning.pod_limits import PodLimit, pod_limit
 from robovast_operator.planning.proposals import first_plan
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import shard_job, task_job, upload_job
@@ -93,7 +91,6 @@ class Reconciler:
         self._statuses = Statuses(api, store, queue, settings, notifier, created, put_off)
         self._job_maker = JobMaker(api, store, created)
         self._purge = Purge(api, settings, self._diagnosis, created)
-        self._turns = Turns(settings.pod_limits)
 
     def forget(self) -> None:
         """Forget what is cached about campaigns: another replica may have changed it."""
@@ -236,24 +233,15 @@ class Reconciler:
         if not self._inputs.is_as_planned(obj, accepted, revisions[0], known):
             await self._reject(obj, DOCUMENT_CHANGED, memory, jobs)
             return
-        async with self._turns.of(accepted.identity.namespace):
-            snapshot = await self._look(obj, accepted, revisions, memory, jobs)
-            decision = decide(snapshot)
-            await self._carry_out(obj, snapshot, decision, memory)
-        self._wake(snapshot.pod_limit, memory)
+        snapshot = await self._look(obj, accepted, revisions, memory, jobs)
+        decision = decide(snapshot)
+        await self._carry_out(obj, snapshot, decision, memory)
         told = decision.status
         await self._show_configurations(obj, accepted, revisions[-1], told, additions)
         foreign = REFUSED_DELAY if memory.taken else None  # no watch tells of others' Jobs
         for delay in (snapshot.pods.again, snapshot.queue.again, decision.again, foreign):
             if delay is not None:
                 self._queue.add(accepted.identity.key, delay)
-
-    def _wake(self, limit: PodLimit | None, memory: Memory) -> None:
-        """Let as many campaigns look as this one has given up pods that they wait for."""
-        if limit is not None:
-            freed, memory.limited_pods = memory.limited_pods - limit.has, limit.has
-            for key in limit.waiting[: max(0, freed)]:
-                self._queue.add(key)
 
     async def _look(
         self,
@@ -283,7 +271,6 @@ class Reconciler:
             taken=frozenset(memory.taken),
             foreign=foreign,
             variant_limit=self._settings.variant_limit,
-            pod_limit=pod_limit(self._settings.pod_limits, self._store, accepted.identity),
             withdrawn=await self._inputs.withdrawn(accepted, revisions, memory.inputs),
         )
 

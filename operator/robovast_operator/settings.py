@@ -35,8 +35,6 @@ class Settings:
     """Namespaces whose Campaigns may reuse runs; `*` means all."""
     restricted_runs: bool = True
     """Whether run containers may not gain privileges."""
-    pod_limits: Mapping[str, int] = field(default_factory=dict)
-    """Most pods of runs at a time outside of queues, by namespace; `*` is every other one."""
     work_request: str = ""
     """Room on its node's disk that a run's pod asks for; none when empty."""
     work_limit: str = ""
@@ -107,7 +105,6 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         pod_labels=names("ROBOVAST_POD_LABELS"),
         reuse_namespaces=names("ROBOVAST_REUSE_NAMESPACES"),
         restricted_runs=environment.get("ROBOVAST_RESTRICTED_RUNS", "true") != "false",
-        pod_limits=_pod_limits(environment.get("ROBOVAST_POD_LIMITS") or "{}"),
         work_request=environment.get("ROBOVAST_WORK_REQUEST", ""),
         work_limit=environment.get("ROBOVAST_WORK_LIMIT", ""),
         agent_resources=_resources(environment, "ROBOVAST_AGENT_RESOURCES", AGENT_RESOURCES),
@@ -129,15 +126,4 @@ def _resources(
     except (ValueError, TypeError) as error:
         raise InputError(
             f"The environment variable {variable} is not a JSON object with `requests` and `limits`"
-        ) from error
-
-
-def _pod_limits(given: str) -> Mapping[str, int]:
-    try:
-        limits = json.loads(given)
-        return {str(space): int(most) for space, most in limits.items()}
-    except (ValueError, TypeError, AttributeError) as error:
-        raise InputError(
-            "The environment variable ROBOVAST_POD_LIMITS is no JSON object of numbers by "
-            f"namespace: {given}"
         ) from error

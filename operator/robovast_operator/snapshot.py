@@ -22,7 +22,6 @@ from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
-from robovast_operator.planning.pod_limits import PodLimit
 from robovast_operator.planning.rounds import Rounds
 from robovast_operator.planning.shards import WINDOW, ShardPlan, first_attempts, repetitions
 from robovast_operator.pods.findings import Final, PodFindings, Trouble
@@ -50,8 +49,6 @@ class Snapshot:
     """What that is in the way of."""
     variant_limit: int = DEFAULT
     """Most variants of a document."""
-    pod_limit: PodLimit | None = None
-    """What the installation limits it to, if it does."""
     withdrawn: frozenset[str] = frozenset()
     """Configurations that are gone, by uid: nothing more is executed of their runs."""
 
@@ -61,8 +58,8 @@ class Snapshot:
         identity, status, settled = self.accepted.identity, self.status, self.status.settled
         shards = first_attempts(identity, self.revisions)[settled.first :]
         if status.bad is not None and status.attempt > status.bad.attempt:
-            sizes = self.plan.runs_per_start, self.plan.shard_packs
-            again = repetitions(identity, status.bad, status.attempt, *sizes)
+            size = self.plan.runs_per_start
+            again = repetitions(identity, status.bad, status.attempt, size)
             shards += again[settled.repeated :]
         return shards
 
@@ -118,7 +115,7 @@ class Snapshot:
             return self.pods.trouble or self.foreign
         if self.repetition_due and self.all_known and not self.repeats:
             return Trouble(
-                "NoList",
+                "RunListMissing",
                 "the finish Job has stored no list of the bad runs: are operator and agent of one "
                 "version?",
             )
@@ -147,19 +144,7 @@ class Snapshot:
     def rounds(self) -> Rounds:
         """The rounds in which runs are put into packs, where packs are measured."""
         newest, identity = self.revisions[-1], self.accepted.identity
-        return Rounds(identity, newest, self.open, self.parallelism, self.pods.pace)
-
-    @cached_property
-    def parallelism(self) -> int:
-        """Most pods of runs that may be there now; those that are there already stay."""
-        most = self.accepted.spec.parallelism
-        return min(most, self.pod_limit.own) if self.is_limited and self.pod_limit else most
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether the installation's limit counts: in a queue, that does."""
-        queued = self.accepted.spec.queue_name is not None or any(job.queue for job in self.open)
-        return self.pod_limit is not None and not queued
+        return Rounds(identity, newest, self.open, self.accepted.spec.parallelism, self.pods.pace)
 
     @cached_property
     def past_plans(self) -> list[str]:
@@ -247,12 +232,7 @@ class Snapshot:
     @cached_property
     def held(self) -> Waiting | None:
         """Why the campaign waits for quota, unless a part of it has some."""
-        if not all(job.suspended for job in self.open):
-            return None
-        limit = self.pod_limit if self.is_limited and not (self.quiet or self.idle) else None
-        if limit is not None and limit.taken:
-            return Waiting("", "PodLimit", limit.told)
-        return self.queue.waiting
+        return self.queue.waiting if all(job.suspended for job in self.open) else None
 
     @cached_property
     def all_ended(self) -> bool:

@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 from uuid import uuid4
 
@@ -28,18 +27,14 @@ from support.kube.fake_cluster import SETTINGS
 from support.patience import PATIENCE, eventually
 from support.servers.shares import PASSWORD, USER, webdav_server
 
-from robovast.base import atomic
 from robovast.base.errors import InputError
 from robovast.campaign.imported import is_imported
-from robovast.campaign.run_record import RunRecord
-from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.source_files import inline_files
 from robovast.model.packs import PlanSpec, first_blocks
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 from robovast_cli.commands.exec.cluster import run as cluster_run
 from robovast_cli.commands.exec.cluster import share_jobs
-from robovast_cli.commands.results import parts as results_parts
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import UnreachableError
 from robovast_cli.kube.status import CampaignState
@@ -655,218 +650,54 @@ def secret(name: str, namespace: str, server: Server, **more: str) -> dict[str, 
 
 @pytest.fixture
 def contexts(vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: Any) -> list[str]:
-    """Options that name two contexts, `a` and `b`; these and `c` are of one cluster."""
+    """Two contexts, `a` and `b`, of one cluster."""
     config = json.loads(known_cluster.kubeconfig.read_text())
     (known,) = config["contexts"]
-    config["contexts"] = [{**known, "name": name} for name in "abc"]
+    config["contexts"] = [{**known, "name": name} for name in "ab"]
     path = tmp_path / "two.kubeconfig"
     path.write_text(json.dumps(config))
     monkeypatch.setenv("KUBECONFIG", str(path))
-    return ["-x", "a", "-x", "b"]
+    return ["a", "b"]
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), UnreachableError("no answer")])
-def test_no_part_is_left_behind_when_nobody_says_whether_the_last_was_created(
-    vast: Vast,
-    operator: Operator,
-    contexts: list[str],
-    monkeypatch: pytest.MonkeyPatch,
-    error: BaseException,
+def test_no_campaign_is_left_behind_when_nobody_says_whether_it_was_created(
+    vast: Vast, operator: Operator, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
     create, made = Kubernetes.create_campaign, []
 
     def create_silently(kube: Kubernetes, campaign: dict[str, Any]) -> dict[str, Any]:
         made.append(create(kube, campaign))
-        if len(made) > 1:
-            raise error
-        return made[-1]
+        raise error
 
     monkeypatch.setattr(Kubernetes, "create_campaign", create_silently)
-    assert vast("run", "--detach", *contexts).code != 0
-    assert len(made) == 2
+    assert vast("run", "--detach").code != 0
+    assert len(made) == 1
     assert operator.names() == []
 
 
-def test_a_part_that_is_deleted_ends_the_following_of_no_other(
-    vast: Vast, operator: Operator, contexts: list[str], known_cluster: Cluster, namespace: str
+def test_a_campaign_that_is_deleted_ends_the_following(
+    vast: Vast, operator: Operator, known_cluster: Cluster, namespace: str
 ) -> None:
     def happen() -> None:
-        gone, other = eventually(lambda: len(operator.names()) == 2 and sorted(operator.names()))
-        known_cluster.kubectl("delete", "campaign", gone, f"--namespace={namespace}")
-        operator.report(other, state="Running", runs={"passed": 1})
-        operator.report(other, state="Finished", runs={"passed": 25, "failed": 1})
+        (name,) = eventually(operator.names)
+        known_cluster.kubectl("delete", "campaign", name, f"--namespace={namespace}")
 
     happening = threading.Thread(target=happen)
     happening.start()
-    outcome = vast("run", *contexts)
+    outcome = vast("run")
     happening.join()
-    (other,) = operator.names()
-    gone = other.replace("-2of2", "-1of2")
-    assert "25 passed, 1 failed" in outcome.out
-    assert f"Results: vast results download -i {other} --context b" in outcome.out
-    last = f"error: {gone} was deleted from the cluster of a (namespace {namespace})."
+    name = outcome.out.split()[1]
+    last = f"error: {name} was deleted from the cluster (namespace {namespace})."
     assert outcome.err.splitlines()[-1] == last
     assert outcome.code == 3
 
 
-def record_of(campaign: str, variant: str) -> bytes:
-    """The record of a run that has passed."""
-    texts = ("", "", "", 1.0, 0, 1, "job-1", "", "", "", "")
-    record = RunRecord(campaign, variant, variant, 0, 0, Verdict.PASSED, *texts)
-    with TemporaryDirectory() as folder:
-        record.write(Path(folder))
-        return (Path(folder) / "run.json").read_bytes()
-
-
-@dataclass(frozen=True)
-class Divided:
-    """A campaign of two parts, which have ended, each with a run in a bucket."""
-
-    name: str
-    parts: list[str]
-    store: ObjectStore
-
-    def add_run(self, part: str, run: str, record: bytes) -> None:
-        self.store.put_bytes(part, f"{run}/test.xml", b"<testsuite/>")
-        self.store.put_bytes(part, f"{run}/run.json", record)
-
-
-@pytest.fixture
-def divided(
-    vast: Vast,
-    operator: Operator,
-    contexts: list[str],
-    s3_server: Server,
-    known_cluster: Cluster,
-    namespace: str,
-) -> Iterator[Divided]:
-    credentials = Credentials(s3_server.access_key, s3_server.secret_key)
-    endpoint = f"http://{s3_server.endpoint}"
-    store = ObjectStore(Endpoint.parse(endpoint), credentials, patience=20)
-    known_cluster.apply(secret("robovast-storage", namespace, s3_server))
-    vast("run", "--detach", *contexts)
-    parts = sorted(operator.names())
-    made = Divided(parts[0].removesuffix("-1of2"), parts, store)
-    assert parts == [f"{made.name}-1of2", f"{made.name}-2of2"]
-    for part in parts:
-        hall = f"hall-{part[-4]}"
-        store.make_bucket(part)
-        store.put_bytes(part, "_config/growth_sim.vast", b"")
-        store.put_bytes(part, f"{hall}/_config/config.yaml", b"")
-        made.add_run(part, f"{hall}/0", record_of(part, hall))
-        place = {"bucket": part, "campaign": f"{part}-2026-03-05-120000", "endpoint": endpoint}
-        operator.report(part, state="Finished", runs={"passed": 13}, **place)
-    yield made
-    for part in parts:
-        store.delete_bucket(part)
-
-
-@one_make
-def test_parts_come_home_as_one_in_whichever_order_their_clusters_are_named(
-    vast: Vast, operator: Operator, contexts: list[str], divided: Divided, tmp_path: Path
-) -> None:
-    name, parts = divided.name, divided.parts
-    home = ("download", "-i", name, "-o", "home")
-    operator.report(parts[1], state="Failed")
-    early = vast(*home, *contexts, group=("results",))
-    assert f"{parts[1]} has not ended" in early.out, "its pods still store what they have"
-    there = condition("ResultsAvailable", "True", "Indexed", "")
-    operator.report(parts[1], state="Failed", conditions=[there])
-    outcome = vast(*home, "-x", "b", "-x", "a", group=("results",))
-    assert (outcome.code, outcome.err) == (0, "")
-    (merged,) = (tmp_path / "home").iterdir()
-    assert merged.name == f"{name}-2026-03-05-120000"
-    assert {run.parent.name for run in merged.glob("hall-*/0")} == {"hall-1", "hall-2"}
-    assert "`-f` fetches it again" in vast(*home, *contexts, group=("results",)).out
-    divided.add_run(parts[0], "hall-1/1", record_of(parts[0], "hall-1"))
-    operator.report(parts[1], state="Failed", conditions=[])
-    assert "has not ended" in vast(*home, "-f", *contexts, group=("results",)).out
-    assert len(list(merged.glob("hall-1/[0-9]"))) == 1, "what is here stays until then"
-    operator.report(parts[1], state="Failed", conditions=[there])
-    assert vast(*home, "-f", *contexts, group=("results",)).code == 0
-    assert len(list(merged.glob("hall-1/[0-9]"))) == 2
-    assert list((tmp_path / "home").iterdir()) == [merged]
-    other = vast(*home, *contexts, "-x", "c", group=("results",))
-    assert f"has no campaign {name}-1of3" in other.err
-    assert f"it has {parts[0]}, {parts[1]}." in other.err
-
-    operator.report(parts[0], state="Finished", campaign="named-2026-03-05-120000")
-    vast("download", "-i", parts[0], "-o", "alone", "-x", "a", group=("results",))
-    refused = vast("download", "-i", name, "-o", "alone", *contexts, group=("results",))
-    assert refused.code == 2
-    assert (
-        f"alone/named-2026-03-05-120000 is there already, and is not all of {name}" in refused.err
-    )
-
-
-@one_make
-def test_runs_that_the_clusters_no_longer_have_are_not_replaced_by_nothing(
-    vast: Vast, contexts: list[str], divided: Divided, tmp_path: Path
-) -> None:
-    home = ("download", "-i", divided.name, "-o", "home", "-f", *contexts)
-    divided.add_run(divided.parts[0], "hall-1/1", record_of(divided.parts[0], "hall-1"))
-    assert vast(*home, group=("results",)).code == 0
-    run = [f"hall-1/1/{file}" for file in ("test.xml", "run.json")]
-    divided.store.delete(divided.parts[0], run)
-    outcome = vast(*home, group=("results",))
+@pytest.mark.parametrize("command", ["run", "monitor", "stop"])
+def test_a_second_context_is_refused(vast: Vast, command: str, contexts: list[str]) -> None:
+    outcome = vast(command, *(word for name in contexts for word in ("-x", name)))
     assert outcome.code == 2
-    assert "has 3 runs and was not replaced: the clusters now have 2." in outcome.err
-    merged = tmp_path / "home" / f"{divided.name}-2026-03-05-120000"
-    assert len(list(merged.glob("hall-*/*/test.xml"))) == 3
-    merged.rename(tmp_path / "kept")
-    assert vast(*home, group=("results",)).code == 0
-    assert len(list(merged.glob("hall-*/*/test.xml"))) == 2
-
-
-@one_make
-def test_parts_of_which_runs_are_left_out_stay(
-    vast: Vast, contexts: list[str], divided: Divided, tmp_path: Path
-) -> None:
-    divided.add_run(divided.parts[1], "hall-2/1", b'{"job": "of another version"}')
-    home = ("download", "-i", divided.name, "-o", "home", *contexts)
-    place = tmp_path / "home" / f".{divided.name}-parts"
-    left_out = place / f"{divided.parts[1]}-2026-03-05-120000" / "hall-2/1"
-    outcome = vast(*home, group=("results",))
-    assert outcome.code == 0
-    assert "hall-2/1: left out" in outcome.out
-    assert f"These runs are in home/{place.name}, where the parts stay" in outcome.out
-    assert (left_out / "test.xml").is_file()
-    again = vast(*home, group=("results",))
-    assert "already" in again.out
-    assert (left_out / "test.xml").is_file()
-
-
-@one_make
-@pytest.mark.parametrize("moment", ["before the removal", "amid the removal"])
-def test_a_removal_of_parts_that_is_interrupted_loses_nothing_and_is_made_up_for(
-    vast: Vast,
-    contexts: list[str],
-    divided: Divided,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    moment: str,
-) -> None:
-    home = ("download", "-i", divided.name, "-o", "home", *contexts)
-
-    def interrupt(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-
-        def begin(folder: Path) -> None:
-            patch.setattr(atomic, "_remove", interrupt)
-            atomic.discard(folder)
-
-        amid = moment == "amid the removal"
-        patch.setattr(results_parts, "discard", begin if amid else interrupt)
-        assert vast(*home, group=("results",)).code == 130
-    left = list((tmp_path / "home").iterdir())
-    assert len(left) == 2
-    assert all(len(list(one.glob("**/hall-*/0/test.xml"))) == 2 for one in left)
-    again = vast(*home, group=("results",))
-    assert (again.code, again.err) == (0, "")
-    (merged,) = (tmp_path / "home").iterdir()
-    assert len(list(merged.glob("hall-*/0/test.xml"))) == 2
+    assert "is given twice, but this command is about one cluster" in outcome.err
 
 
 PACK_LOG = "[robovast] job x\n[robovast] run {0}\nof the first\n[robovast] run {1}\nof the second\n"

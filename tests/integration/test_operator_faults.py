@@ -318,7 +318,7 @@ def test_last_words_that_are_gone_before_they_are_read_are_asked_for_again(
 
     def told() -> bool:
         stalled = condition(status(fake_cluster, namespace, "few"), "Stalled")
-        return (stalled["status"], stalled["reason"]) == ("True", "NoWord")
+        return (stalled["status"], stalled["reason"]) == ("True", "TaskPodsLost")
 
     eventually(told, 30, operator.told)
     assert lost.hits >= 3

@@ -240,7 +240,7 @@ def test_a_bucket_that_may_not_be_removed_is_told_and_tried_again_when_that_is_a
 
 def not_purged(place: Place) -> str:
     """Why a bucket is still there, as an Event tells."""
-    events = place.get("events", "--field-selector=reason=NotPurged")["items"]
+    events = place.get("events", "--field-selector=reason=DeletionIncomplete")["items"]
     return str(events[0]["message"]) if events else ""
 
 

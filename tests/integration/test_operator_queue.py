@@ -73,7 +73,7 @@ def test_what_the_api_server_refuses_is_told_and_tried_again(
     )
     fake_cluster.apply(campaign("few", namespace, 3, 2))
     told = wait_stalled(fake_cluster, namespace, operator)
-    assert told["reason"] == "Quota"
+    assert told["reason"] == "QuotaExceeded"
     assert "exceeded quota: none" in told["message"]
     fake_cluster.kubectl("--namespace", namespace, "delete", "resourcequota", "none")
     wait_done(fake_cluster, namespace, operator)

@@ -37,12 +37,12 @@ def test_a_quota_is_told_and_once_it_is_raised_the_campaign_goes_on(
 
     def told() -> bool:
         state = status_of(fake_cluster, namespace, "few")
-        return condition(state, "Stalled").get("reason") == "Quota"
+        return condition(state, "Stalled").get("reason") == "QuotaExceeded"
 
     eventually(told, told=operator.told)
     message = condition(status_of(fake_cluster, namespace, "few"), "Stalled")["message"]
     assert "exceeded quota: small" in message
-    assert 'robovast_reconcile_failures_total{reason="Quota"}' in page(port, "metrics")
+    assert 'robovast_reconcile_failures_total{reason="QuotaExceeded"}' in page(port, "metrics")
     assert "robovast_campaigns_failing 1.0" in page(port, "metrics")
     fake_cluster.kubectl("delete", "resourcequota", "small", f"--namespace={namespace}")
     eventually(lambda: finished(fake_cluster, namespace, "few"), told=operator.told)
@@ -68,7 +68,7 @@ def test_objects_that_only_show_entries_hold_no_run_back(
     events = json.loads(
         fake_cluster.kubectl("get", "events", f"--namespace={namespace}", "--output=json")
     )["items"]
-    told = [item for item in events if item["reason"] == "Quota"]
+    told = [item for item in events if item["reason"] == "QuotaExceeded"]
     assert len(told) == 1
     assert "quota: small" in told[0]["message"]
 

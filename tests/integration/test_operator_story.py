@@ -30,8 +30,8 @@ def test_a_failing_campaign_is_told_from_its_plan_to_its_results_in_about_ten_li
     reasons = [line.split()[1] for line in told()]
     assert sorted(set(reasons)) == sorted(
         {
-            *("Valid", "Planned", "JobCreated", "RunFailed", "RunsBad"),
-            *("TooManyBadRuns", "Finished", "Indexed"),
+            *("Valid", "Planned", "JobCreated", "RunFailed", "RunsUnsuccessful"),
+            *("TooManyUnsuccessfulRuns", "Finished", "Indexed"),
         }
     )
     assert 8 <= len(reasons) <= 10

@@ -19,9 +19,7 @@ from support.gauntlet.verdict import (
     compare_readers,
     compare_runs,
     compare_status,
-    crowded,
     missing_runs,
-    pods_at_once,
     read_results,
     repeated,
 )
@@ -169,21 +167,3 @@ def test_of_a_bucket_the_files_count_that_the_record_names(tmp_path: Path) -> No
         (run / f"{writer}.json").write_text(json.dumps({"files": listed}))
     (run / "run.json").write_text(json.dumps({"files": {"key": "second.json"}}))
     assert read_results(tmp_path).files["one-1/0"] == {"a": b"second"}
-
-
-def pod(space: str, role: str = "shard", phase: str = "Running", **meta: str) -> dict[str, Any]:
-    metadata = {"namespace": space, "labels": {"robovast.io/role": role}, **meta}
-    return {"metadata": metadata, "status": {"phase": phase}, "spec": {}}
-
-
-def test_more_pods_of_runs_than_a_namespace_may_have_are_a_fault() -> None:
-    pods = [
-        *(pod("north"), pod("north", phase="Pending"), pod("south")),
-        *(pod("north", phase="Succeeded"), pod("north", role="finish")),
-        pod("north", deletionTimestamp=START),
-    ]
-    found = pods_at_once(pods)
-    assert found == {"north": 2, "south": 1}
-    assert crowded(found, {"north": 2, "east": 0}) == []
-    (violation,) = crowded(found, {"north": 1})
-    assert (violation.fault, violation.where) == (Fault.BEYOND, "north")

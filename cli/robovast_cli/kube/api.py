@@ -297,7 +297,7 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
     with CLUSTER.needed_by("Access to a cluster"):
         from anyio.from_thread import start_blocking_portal
         from kubernetes.aio.client import ApiClient, Configuration
-    given = options_of([context], namespace)
+    given = options_of(context, namespace)
     context, namespace = choose(context, namespace)
     try:
         server = Configuration()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
 from typing import Any
@@ -14,15 +13,15 @@ from robovast.kubeapi.resources import DNS_LABEL
 from robovast.model.document.source import Source
 
 
-def options_of(contexts: Sequence[str | None], namespace: str | None) -> str:
-    """What chooses these clusters in a command that is printed: ` --context a --namespace lab`.
+def options_of(context: str | None, namespace: str | None) -> str:
+    """What chooses a cluster in a command that is printed: ` --context a --namespace lab`.
 
     Args:
-        contexts: as they were given; None is the current one.
-        namespace: as it was given; the contexts' when None.
+        context: as it was given; None is the current one.
+        namespace: as it was given; the context's when None.
     """
-    words = [f" --context {quote(context)}" for context in contexts if context]
-    return "".join([*words, *([f" --namespace {quote(namespace)}"] if namespace else [])])
+    given = {"context": context, "namespace": namespace}
+    return "".join(f" --{name} {quote(value)}" for name, value in given.items() if value)
 
 
 def choose(context: str | None, namespace: str | None) -> tuple[str | None, str | None]:

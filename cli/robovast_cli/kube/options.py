@@ -15,27 +15,14 @@ def _has_no_effect(given: list[str] | str | None) -> list[str] | str | None:
     return given
 
 
-def context_option(repeated: str = "") -> Any:
-    """The option `--context`.
-
-    Args:
-        repeated: what it means when it is given more than once, as a sentence.
-    """
-    told = "Context of the kubeconfig; the current one when omitted."
-    return typer.Option(
+Context = Annotated[
+    str | None,
+    typer.Option(
         "-x",
         "--context",
         metavar="NAME",
-        help=f"{told} {repeated}".rstrip(),
+        help="Context of the kubeconfig; the current one when omitted.",
         show_default=False,
-    )
-
-
-Context = Annotated[str | None, context_option()]
-Contexts = Annotated[
-    list[str] | None,
-    context_option(
-        "If it is repeated, the campaign's configurations are divided among these clusters."
     ),
 ]
 Namespace = Annotated[

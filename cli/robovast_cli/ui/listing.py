@@ -95,7 +95,7 @@ def _count(document: Document, variants: Sequence[Variant]) -> str:
     each = "1 run" if execution.runs == 1 else f"{runs_of_each(execution)} runs"
     most = "at most " if execution.test() is not None else ""
     noun = "configuration" if len(variants) == 1 else "configurations"
-    return f"{len(variants)} {noun}, {each} each: {most}{total} in all"
+    return f"{len(variants)} {noun}, {each} each: {most}{total} in total"
 
 
 _FORMATS: Mapping[Format, Callable[[Sequence[Variant], bool], str]] = {

@@ -51,10 +51,17 @@ def _print_json(answer: Answer) -> None:
 
 
 def _jsonable(value: Any) -> Any:
-    """A value as JSON has it: only finite numbers, and decimals as numbers if these are exact."""
+    """A value as JSON has it: decimals as numbers if these are exact, and `"NaN"`, `"Infinity"` and
+    `"-Infinity"`, as in the JSON form of Protocol Buffers."""
+    if isinstance(value, list | tuple):
+        return [_jsonable(each) for each in value]
+    if isinstance(value, dict):
+        return {str(key): _jsonable(each) for key, each in value.items()}
     if isinstance(value, Decimal) and Decimal(repr(float(value))) == value:
         return float(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    return value
 
 
 def _print_table(answer: Answer) -> None:

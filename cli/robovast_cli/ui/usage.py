@@ -76,9 +76,9 @@ def _normalized(_ctx: object, _param: object, value: Any) -> Any:
 
 
 def refuse_contexts(command: Any) -> Any:
-    """The command, which refuses a second `--context` where one counts: others take several."""
+    """The command, which refuses a second `--context`: a command is about one cluster."""
     for param in command.params:
-        if param.name == "context" and not param.multiple:
+        if param.name == "context":
             command.parse_args = _single(command, param)
     for child in getattr(command, "commands", {}).values():
         refuse_contexts(child)

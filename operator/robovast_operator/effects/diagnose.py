@@ -48,7 +48,7 @@ MOST = 1000
 PATIENCE = 4
 """Factor on the stall time while some pods are running: their runs may just be long."""
 
-STORING = "Storing"
+STORING = "ResultsPending"
 STORING_PATIENCE = 900.0
 """How long an agent's pod may still be storing [s]: agents bridge ten minutes without S3."""
 
@@ -257,7 +257,7 @@ class Diagnosis:
         if oldest:
             return hook_trouble(oldest, events) or trouble_of_events(events, last_success(oldest))
         problem = trouble_of_events(events, last_success(*seen, since=job.started))
-        if problem is None or problem.reason not in {"Quota", "Refused"}:
+        if problem is None or problem.reason not in {"QuotaExceeded", "RequestDenied"}:
             return problem
         return replace(problem, message=await self._explained(job, problem.message))
 

@@ -78,7 +78,7 @@ class JobMaker:
             return None
         names = " ".join(sorted(taken))
         return Trouble(
-            "NameTaken",
+            "NameConflict",
             f"others have made Jobs under names that this campaign needs, and it waits: {names}. "
             f"`kubectl delete job -n {identity.namespace} {names}` removes them.",
         )

@@ -109,7 +109,7 @@ class Purge:
     async def _tell_that_it_waits(self, obj: Object, why: str) -> None:
         """Report by an Event why no Job can remove the bucket."""
         text = f"its bucket stays, and so does the Campaign: {why}"
-        message = Message("Warning", "NotPurged", text, why)
+        message = Message("Warning", "DeletionIncomplete", text, why)
         await announce(self._api, Identity.of(obj), message)
 
     async def _set(self, obj: Object, finalizers: list[str]) -> None:

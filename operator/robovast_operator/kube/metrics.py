@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter as Counts
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
@@ -26,19 +26,10 @@ MANY_FAILURES = 3
 """Consecutive failed reconciles of one campaign that count as a permanent failure."""
 
 
-def _unlimited(_namespace: str) -> None:
-    return None
-
-
 class Metrics:
     """The operator's metrics."""
 
-    def __init__(self, pod_limit: Callable[[str], int | None] = _unlimited) -> None:
-        """
-        Args:
-            pod_limit: most pods of runs of a namespace at a time; None where they are not limited.
-        """
-        self._pod_limit = pod_limit
+    def __init__(self) -> None:
         self._registry = CollectorRegistry()
         self.reconciles = Histogram(
             "robovast_reconcile_seconds",
@@ -88,12 +79,6 @@ class Metrics:
             "robovast_namespace_campaigns",
             "Campaigns of a namespace by state.",
             [NAMESPACE, "state"],
-            registry=self._registry,
-        )
-        self._namespace_pod_limit = Gauge(
-            "robovast_namespace_pod_limit",
-            "Most pods of runs that a namespace may have at a time, where they are limited.",
-            [NAMESPACE],
             registry=self._registry,
         )
         self._stalled = Gauge(
@@ -158,7 +143,6 @@ class Metrics:
     def _count_by_namespace(self, store: Store) -> None:
         self._namespace_runs.clear()
         self._namespace_campaigns.clear()
-        self._namespace_pod_limit.clear()
         namespaces: dict[str, list[Object]] = {}
         for (namespace, _), obj in store.campaigns.items():
             namespaces.setdefault(namespace, []).append(obj["status"])
@@ -167,9 +151,6 @@ class Metrics:
                 self._namespace_runs.labels(namespace, state).set(_runs(statuses, state))
             for state, campaigns in _states(statuses).items():
                 self._namespace_campaigns.labels(namespace, state).set(campaigns)
-            limit = self._pod_limit(namespace)
-            if limit is not None:
-                self._namespace_pod_limit.labels(namespace).set(limit)
 
 
 def _collection(parts: list[str]) -> int:

@@ -31,7 +31,6 @@ from robovast.model.plan import breaks
 from robovast.model.variations.loader import all_pure
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.planning.campaign import Accepted, Rejected
-from robovast_operator.planning.pod_limits import most_pods
 from robovast_operator.settings import Settings
 
 
@@ -205,9 +204,6 @@ def _accepted(
         document_text=text,
         image=image,
         pure=False,
-        shard_packs=(
-            most_pods(settings.pod_limits, identity.namespace) if not spec.queue_name else None
-        ),
         default_endpoint=settings.endpoint,
         default_region=settings.region,
     )

@@ -39,8 +39,6 @@ class Accepted:
     """`CampaignPlan.inputs`."""
     planned: CampaignPlan | None = None
     """The existing plan of its pods, if any; the place of the results is fixed from then on."""
-    shard_packs: int | None = None
-    """`PlanSpec.shard_packs` of its first plan."""
     default_endpoint: str = ""
     default_region: str | None = None
 

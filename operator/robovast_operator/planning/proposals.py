@@ -53,7 +53,6 @@ def grown(
         awaited=said.awaited,
         runs_per_job=accepted.vast.execution.runs_per_start,
         breaks=_breaks(newest.plan.breaks if newest else "", known, said),
-        shard_packs=newest.plan.shard_packs if newest else accepted.shard_packs,
     )
     if len(plan.model_dump_json()) > _PLAN_LIMIT:
         raise ValueError(

@@ -224,7 +224,6 @@ def next_revision(
             breaks=accepted.breaks,
             by_variant=accepted.as_needed,
             rounds=() if execution.packs_are_measured else None,
-            shard_packs=accepted.shard_packs,
         )
         text, composed = accepted.document_text, accepted.composed
         return Revision(0, name, plan, accepted.entries, {}, text, composed)

@@ -116,22 +116,17 @@ def _stretches(plan: PlanSpec, runs: Span) -> Iterator[Span]:
     """First pack and number of packs of each shard of some runs."""
     first = plan.pack_of(runs[0])
     packs = plan.pack_of(runs[1]) - first + 1
-    yield from ((first + begin, size) for begin, size in evenly(packs, plan.shard_packs))
+    yield from ((first + begin, size) for begin, size in evenly(packs))
 
 
-def evenly(packs: int, most: int | None = None) -> list[Span]:
+def evenly(packs: int) -> list[Span]:
     """Divide packs into shards of nearly equal size: start and size of each.
 
     The number of shards is a multiple of the window, so that none is left over at the end.
-
-    Args:
-        packs: how many.
-        most: packs of a shard, unless that gives more than SHARDS shards; SHARD_PACKS when None.
     """
-    most = most or SHARD_PACKS
-    if packs <= most:
+    if packs <= SHARD_PACKS:
         return [(0, packs)]
-    wanted = min(-(-packs // most), SHARDS)
+    wanted = min(-(-packs // SHARD_PACKS), SHARDS)
     count = min(-(-wanted // WINDOW) * WINDOW, packs)  # no Job is without a pack
     bounds = [packs * number // count for number in range(count + 1)]
     return [(a, b - a) for a, b in pairwise(bounds)]
@@ -142,7 +137,6 @@ def repetitions(
     bad: BadRuns,
     attempt: int,
     runs_per_pack: int = 1,
-    shard_packs: int | None = None,
 ) -> list[ShardPlan]:
     """The shards that repeat bad runs; none if no run is bad.
 
@@ -151,7 +145,6 @@ def repetitions(
         bad: the runs.
         attempt: which repetition it is.
         runs_per_pack: most runs of an index that one start executes.
-        shard_packs: of the plan.
     """
     groups = GroupSizes.parse(bad.sizes).groups
     return [
@@ -165,7 +158,7 @@ def repetitions(
             attempt=attempt,
             repeat=bad.list,
         )
-        for number, (first, size) in enumerate(evenly(groups, shard_packs) if groups else ())
+        for number, (first, size) in enumerate(evenly(groups) if groups else ())
     ]
 
 

@@ -14,9 +14,9 @@ from robovast_operator.pods.own import container_specs, containers_of, foreign_n
 from robovast_operator.pods.pod_status import foreign_trouble
 
 _CAUSES = {
-    "FailedMount": "Configuration",
-    "FailedCreatePodSandBox": "Container",
-    "FailedCreate": "Refused",
+    "FailedMount": "ContainerConfigError",
+    "FailedCreatePodSandBox": "ContainerError",
+    "FailedCreate": "RequestDenied",
 }
 """Reason of a Trouble by the reason of an Event that no pod status contains."""
 
@@ -42,8 +42,8 @@ def trouble_of_events(events: Iterable[Object], last_progress: datetime) -> Trou
     if reason is None or _time(last) <= last_progress:
         return None
     message = text(last.get("message"))
-    quota = reason == "Refused" and "exceeded quota" in message
-    return Trouble("Quota" if quota else reason, message)
+    quota = reason == "RequestDenied" and "exceeded quota" in message
+    return Trouble("QuotaExceeded" if quota else reason, message)
 
 
 def _time(event: Object) -> datetime:
@@ -108,4 +108,4 @@ def hook_trouble(pod: Object, events: Sequence[Object]) -> Trouble | None:
     if name in foreign_names(pod):
         return foreign_trouble(pod, name, how)
     where = f"the container {name} in the pod {pod['metadata']['name']}"
-    return Trouble("Container", f"{where} {how}. The pod does not start before the hook ends.")
+    return Trouble("ContainerError", f"{where} {how}. The pod does not start before the hook ends.")

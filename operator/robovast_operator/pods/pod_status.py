@@ -28,23 +28,23 @@ from robovast_operator.pods.own import (
 )
 
 _WAITING = {
-    "ImagePullBackOff": "ImagePull",
-    "ErrImagePull": "ImagePull",
-    "ErrImageNeverPull": "ImagePull",
-    "InvalidImageName": "ImagePull",
-    "CreateContainerConfigError": "Configuration",
-    "CreateContainerError": "Container",
-    "RunContainerError": "Container",
+    "ImagePullBackOff": "ImagePullFailed",
+    "ErrImagePull": "ImagePullFailed",
+    "ErrImageNeverPull": "ImagePullFailed",
+    "InvalidImageName": "ImagePullFailed",
+    "CreateContainerConfigError": "ContainerConfigError",
+    "CreateContainerError": "ContainerError",
+    "RunContainerError": "ContainerError",
 }
 """Reasons that the kubelet gives for a waiting container, and the cause in plain words."""
 
 _EXITS = {
     AgentExit.BAD_PLAN: "InvalidPlan",
     AgentExit.BAD_DOCUMENT: "InvalidDocument",
-    AgentExit.OTHER_OWNER: "OtherOwner",
-    AgentExit.STORAGE: "Storage",
-    AgentExit.REFUSED_AT_START: "StorageRefuses",
-    AgentExit.REFUSED: "StorageRefuses",
+    AgentExit.OTHER_OWNER: "BucketConflict",
+    AgentExit.STORAGE: "StorageUnavailable",
+    AgentExit.REFUSED_AT_START: "StorageDenied",
+    AgentExit.REFUSED: "StorageDenied",
     INCOMPATIBLE: "Incompatible",
 }
 """Exit codes of our containers that are no verdicts."""
@@ -76,9 +76,17 @@ def trouble_of(pods: Iterable[Object]) -> Trouble | None:
 def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
     """The cause that explains the others."""
     ranked = (
-        *("Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"),
-        *("ImagePull", "Configuration", "ForeignContainer"),
-        *("Container", "OutOfMemory", "Storage", "Evicted", "Rejected", "NodeLost", "Silent"),
+        *("Incompatible", "InvalidDocument", "InvalidPlan", "BucketConflict", "StorageDenied"),
+        *("ImagePullFailed", "ContainerConfigError", "ForeignContainer"),
+        *(
+            "ContainerError",
+            "OutOfMemory",
+            "StorageUnavailable",
+            "Evicted",
+            "Rejected",
+            "NodeLost",
+            "NoLogOutput",
+        ),
     )
     order = {reason: rank for rank, reason in enumerate(ranked)}
     return min(troubles, key=lambda t: order.get(t.reason, len(order)), default=None)
@@ -154,7 +162,7 @@ def _ending(pod: Object, container: Object, ended: Object) -> Trouble | None:
     name, code = container["name"], ended.get("exitCode")
     told = error_in(ended.get("message") or "")
     if ended.get("reason") in NEVER_STARTED:
-        return Trouble("Container", f"the container {name} cannot start: {told}")
+        return Trouble("ContainerError", f"the container {name} cannot start: {told}")
     if not is_own(pod, name):
         return None
     if code in _EXITS:
@@ -170,18 +178,18 @@ def _ending(pod: Object, container: Object, ended: Object) -> Trouble | None:
     if name == COMPAT:
         image = container.get("image", "")
         hint = "Is it built for the architecture of the node, and has it a shell?"
-        return Trouble("Container", f"the image {image} cannot be executed ({said}). {hint}")
-    return Trouble("Container", f"the container {name} fails ({said})")
+        return Trouble("ContainerError", f"the image {image} cannot be executed ({said}). {hint}")
+    return Trouble("ContainerError", f"the container {name} fails ({said})")
 
 
 _FINAL = frozenset(
-    {"Incompatible", "InvalidDocument", "InvalidPlan", "OtherOwner", "StorageRefuses"}
+    {"Incompatible", "InvalidDocument", "InvalidPlan", "BucketConflict", "StorageDenied"}
 )
 
 
 def _waiting_message(pod: Object, container: Object, waiting: Object) -> str:
     name, told = container["name"], waiting.get("message", "")
-    if _WAITING[waiting["reason"]] == "ImagePull":
+    if _WAITING[waiting["reason"]] == "ImagePullFailed":
         assets = next((image for image in _mounted_images(pod) if f'"{image}"' in told), None)
         image = (
             f"the image {assets} of `execution.kubernetes.assets`"

@@ -86,7 +86,7 @@ def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble 
         return None
     selector = f"batch.kubernetes.io/job-name={job.name}"
     return Trouble(
-        "OutOfSight",
+        "NoWorkerPods",
         f"no pod of the Job {job.name} runs in the worker cluster {worker}. The reason is "
         f"shown there: `kubectl describe pods -n {job.namespace} -l {selector}`.",
     )
@@ -137,7 +137,7 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
     elif _is_silent(pod, moment):
         name, namespace = pod["metadata"]["name"], pod["metadata"].get("namespace", "")
         yield Trouble(
-            "Silent",
+            "NoLogOutput",
             f"the run in the pod {name} has written nothing to its log for {silence / 60:g} min: "
             f"see `kubectl logs -n {namespace} {name} -c robovast`. Where runs may hang, set "
             "`execution.timeout`; to end this one, delete its pod.",

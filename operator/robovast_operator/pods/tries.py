@@ -92,5 +92,5 @@ class Tries:
         )
 
 
-NO_WORD = "NoWord"
+NO_WORD = "TaskPodsLost"
 """Reason of the condition that tells it."""

@@ -114,7 +114,7 @@ def no_class(job: JobState) -> Waiting:
 def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object]) -> Waiting:
     name = workload["metadata"]["name"]
     if PARKED in (workload["metadata"].get("annotations") or {}):
-        return Waiting(job.name, "Parked", "goes back into its queue", parked=True)
+        return Waiting(job.name, "Requeued", "goes back into its queue", parked=True)
     if not job.elsewhere and _is_for_others(workload):
         message = f"the queue {job.queue} leads to other clusters now; its Job is created again"
         return Waiting(job.name, "Waiting", message, misled=True)

@@ -169,7 +169,7 @@ def _passed(snapshot: Snapshot, runs: Runs) -> Found:
     share = "all" if float(least) == 1 else f"a share of {least}"
     told = f"{runs.passed} of {runs.needed} runs passed; needed: {share}"
     if runs.needed and runs.needed - bad < needed - 1e-9:
-        return ("Passed", "False", "TooManyBadRuns", told)
+        return ("Passed", "False", "TooManyUnsuccessfulRuns", told)
     if snapshot.given_up is not None:
         return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if snapshot.over and snapshot.indexed:

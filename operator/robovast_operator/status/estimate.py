@@ -34,7 +34,7 @@ def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
     if found is None or found.most > FOR_EVER:
         return None
     cores = cores_of(snapshot.accepted.vast.execution, spec.cluster or "")
-    pods = min(max(1, snapshot.parallelism), max(1, snapshot.plan.packs))
+    pods = min(spec.parallelism, max(1, snapshot.plan.packs))
     hours = cores * pods * (spent + found.seconds) / 3600
     return Estimate(
         end=_after(snapshot, found.seconds),
@@ -46,7 +46,7 @@ def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
 
 def _progress(snapshot: Snapshot, done: int, left: int, seconds: float) -> Progress:
     """How far a campaign is, by the pods that it has now."""
-    plan, parallelism = snapshot.plan, max(1, snapshot.parallelism)
+    plan, parallelism = snapshot.plan, snapshot.accepted.spec.parallelism
     rounds, pace = plan.rounds, snapshot.pods.pace
     size = rounds[-1].size if rounds else (done + left) / max(1, plan.packs)
     active = sum(min(job.active, job.left) for job in snapshot.open)

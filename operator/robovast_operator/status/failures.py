@@ -24,7 +24,7 @@ def trouble_of_error(error: Exception) -> Trouble:
     if isinstance(error, TimeoutError):
         return Trouble("Unreachable", f"the API server does not answer: {error}")
     told = f"{type(error).__name__}: {error}"
-    return Trouble("OperatorFault", f"a fault of the operator, whose log says more: {told}")
+    return Trouble("OperatorError", f"a fault of the operator, whose log says more: {told}")
 
 
 def _refusal(error: ApiError, message: str) -> Trouble:
@@ -32,10 +32,12 @@ def _refusal(error: ApiError, message: str) -> Trouble:
     if any(text in message for text in _QUOTA):
         why = explain(message, {}, NamespaceLimits(), OWN)
         remedy = "Ask your cluster administrator to raise the quota."
-        return Trouble("Quota", f"{why} The API server: {message}" if why else f"{told} {remedy}")
+        return Trouble(
+            "QuotaExceeded", f"{why} The API server: {message}" if why else f"{told} {remedy}"
+        )
     if error.code == 413 or any(text in message for text in _TOO_LARGE):
         return Trouble(
             "TooLarge",
             f"{told} Bring large files by spec.source.bundle or git, and divide a large document.",
         )
-    return Trouble("Refused", told)
+    return Trouble("RequestDenied", told)

@@ -64,7 +64,7 @@ def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     if _step(before) < _step(now) and now >= 10:
         runs = new.runs
         told = f"{runs.failed} failed and {runs.errored} errored of {runs.decided} runs so far"
-        yield Message("Warning", "RunsBad", told, f"{new.attempt} {_step(now)}")
+        yield Message("Warning", "RunsUnsuccessful", told, f"{new.attempt} {_step(now)}")
 
 
 def _bad(status: CampaignStatus) -> int:

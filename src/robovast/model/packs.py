@@ -111,8 +111,6 @@ class PlanSpec(_Data):
     """What is cut into packs so far, where packs are measured (`runs_per_job: auto`); later plans
     append to it. None where all runs are in packs of `runs_per_job`.
     """
-    shard_packs: PositiveInt | None = None
-    """Most packs of a Job, where others wait for its pods; None is the operator's usual number."""
 
     @field_validator("breaks")
     @classmethod

@@ -14,7 +14,6 @@ from robovast_testbed.errors import StartFailed
 
 from support.gauntlet.entrants import DESTINIES, Entrant, draw, persistently, shuffled
 from support.gauntlet.faults import FAULTS, Arena, MissedError
-from support.gauntlet.verdict import pods_at_once
 from support.gauntlet.watch import Companion
 from support.kube.lab import Lab
 
@@ -72,8 +71,6 @@ class Gauntlet:
     alive: int
     """How many campaigns are executed at once."""
     entrants: list[Entrant] = field(default_factory=list)
-    most: Counter[str] = field(default_factory=Counter)
-    """How many pods executed runs at a time at most, by namespace."""
 
     def __post_init__(self) -> None:
         self._destinies = shuffled(self.chance, DESTINIES)
@@ -131,7 +128,7 @@ class Gauntlet:
         begin = time.monotonic()
         try:
             text = self.arena.cluster.kubectl(
-                *("get", "campaigns,pods", "--all-namespaces", "--output=json"),
+                *("get", "campaigns", "--all-namespaces", "--output=json"),
                 "--request-timeout=10s",
             )
         except StartFailed:
@@ -143,7 +140,6 @@ class Gauntlet:
                 for item in items
                 if item["kind"] == "Campaign"
             }
-            self.most |= pods_at_once(item for item in items if item["kind"] == "Pod")
             for entrant in self.entrants:
                 entrant.see(self.arena.campaigns)
         left = [steps for steps in playing if next(steps, self) is not self]

@@ -14,7 +14,6 @@ from typing import Any
 
 from robovast.base.ranges import parse_ranges
 from robovast.campaign.verdict import Verdict
-from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE
 from support.gauntlet.truth import RECORD, Course, look_at_files
 
 
@@ -28,7 +27,6 @@ class Fault(StrEnum):
     """A verdict, a number or a condition is not right."""
     MIXED = "mixed"
     """Files are of several executions, or of another run."""
-    BEYOND = "beyond their namespace's limit"
     """More pods at a time than a namespace may have."""
 
 
@@ -287,27 +285,6 @@ def repeated(
             )
             found.append(Violation(Fault.REPEATED, f"{salt} {start.run}", text))
     return found
-
-
-def pods_at_once(pods: Iterable[Mapping[str, Any]]) -> Counter[str]:
-    """How many pods execute runs, or soon will, by namespace; what was told to end is not one."""
-    return Counter(
-        pod["metadata"]["namespace"]
-        for pod in pods
-        if pod["metadata"].get("labels", {}).get(ROLE_LABEL) == SHARD_ROLE
-        and "deletionTimestamp" not in pod["metadata"]
-        and pod["status"].get("phase") in ("Pending", "Running")
-        and "there-is" not in pod["spec"].get("nodeSelector", {})  # no run's: junk for nowhere
-    )
-
-
-def crowded(most: Mapping[str, int], limits: Mapping[str, int]) -> list[Violation]:
-    """Compare how many pods a namespace had at most with how many it may have."""
-    return [
-        Violation(Fault.BEYOND, space, f"{most[space]} pods at a time, {limit} are allowed")
-        for space, limit in limits.items()
-        if most.get(space, 0) > limit
-    ]
 
 
 def _seconds(moment: str) -> float:

@@ -30,7 +30,6 @@ from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Revision
-from robovast_operator.planning.pod_limits import PodLimit
 from robovast_operator.planning.proposals import first_plan
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan
@@ -189,7 +188,6 @@ class World:
         self.withdrawn: frozenset[str] = frozenset()
         self.taken: frozenset[str] = frozenset()
         """Names of Jobs that others have taken."""
-        self.pod_limit: PodLimit | None = None
         """What the installation lets it have now."""
         self.now = datetime(2026, 11, 21, 8, tzinfo=UTC)
         self.variant_limit = SETTINGS.variant_limit
@@ -251,7 +249,6 @@ class World:
             variant_limit=self.variant_limit,
             withdrawn=self.withdrawn,
             taken=self.taken,
-            pod_limit=self.pod_limit,
             pods=PodFindings(
                 reports={name: self._reports(job) for name, job in self.jobs.items()},
                 finals={

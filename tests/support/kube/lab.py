@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -198,23 +198,6 @@ def make_lab(cluster: Cluster, name: str, folder: Path) -> Lab:
     cluster.kubectl("create", "namespace", name)
     copy_credentials(cluster, name)
     return Lab(cluster, name, folder, cluster.env)
-
-
-@contextmanager
-def in_two_contexts(lab: Lab) -> Iterator[Lab]:
-    """The lab with contexts `a` and `b` of two namespaces, as those of two clusters, and `none`."""
-    other = make_lab(lab.cluster, f"{lab.namespace}-b", lab.folder)
-    config = json.loads(lab.cluster.kubeconfig.read_text())
-    (known,) = config["contexts"]
-    spaces = {"a": lab.namespace, "b": other.namespace, "none": "none"}
-    config["contexts"] = [
-        {"name": name, "context": {**known["context"], "namespace": space}}
-        for name, space in spaces.items()
-    ]
-    path = lab.folder / "contexts.kubeconfig"
-    path.write_text(json.dumps({**config, "current-context": "none"}))
-    yield replace(lab, env={**lab.env, "KUBECONFIG": str(path)})
-    lab.cluster.kubectl("delete", "namespace", other.namespace, "--wait=false")
 
 
 @contextmanager

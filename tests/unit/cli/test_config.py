@@ -21,7 +21,7 @@ sweep-3-1  2.0    door
 sweep-3-2  2.0    ramp, left
 fixed      0.1
 
-7 configurations, 2 runs each: 14 in all
+7 configurations, 2 runs each: 14 in total
 """
 
 
@@ -74,9 +74,9 @@ def test_info_counts_what_each_entry_makes(vast, sweep) -> None:
     out = vast("config", "info").out
     assert "scenario       drive (drive.osc)" in out
     assert out.splitlines()[-3:] == [
-        "sweep   ParameterVariationList * ParameterVariationList  6               12",
-        "fixed   fixed parameters                                 1               2",
-        "in all                                                   7               14",
+        "sweep  ParameterVariationList * ParameterVariationList  6               12",
+        "fixed  fixed parameters                                 1               2",
+        "total                                                   7               14",
     ]
 
 
@@ -89,7 +89,7 @@ def test_variation_points_are_the_scenarios_parameters(vast, sweep) -> None:
 
 def test_variation_types_tell_their_parameters(vast) -> None:
     out = vast("config", "variation-types").out
-    assert "ParameterVariationList  (robovast " in out
+    assert "ParameterVariationList  (robovast-operator " in out
     assert "    name    required  The scenario parameter, or several that change together." in out
 
 

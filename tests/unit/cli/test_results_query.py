@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import subprocess
@@ -22,6 +23,18 @@ def catches_ctrl_c(process: int) -> bool:
     status = Path(f"/proc/{process}/status").read_text()
     (caught,) = re.findall(r"^SigCgt:\s*(\w+)$", status, re.MULTILINE)
     return bool(int(caught, 16) & 1 << signal.SIGINT - 1)
+
+
+NUMBERS = "'Infinity'::double AS a, '-Infinity'::double AS b, 'NaN'::double AS c, NULL AS d"
+
+
+def test_json_tells_numbers_without_digits_from_no_value(vast, tmp_path: Path) -> None:
+    update_columnar(Layout(finished_campaign(tmp_path, 1)), {"c-1/0": "1"})
+    sql = f"SELECT {NUMBERS}, ['Infinity'::double, 1] AS e, {{'x': 'NaN'::double}} AS f"
+    outcome = vast("results", "query", sql, "-o", "json", "-r", str(tmp_path))
+    (row,) = json.loads(outcome.out, parse_constant=lambda text: f"not valid: {text}")
+    assert [row[name] for name in "abcd"] == ["Infinity", "-Infinity", "NaN", None]
+    assert (row["e"], row["f"]) == (["Infinity", 1.0], {"x": "NaN"})
 
 
 def test_ctrl_c_ends_a_query_at_once(tmp_path: Path) -> None:

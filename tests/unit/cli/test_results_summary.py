@@ -95,7 +95,9 @@ def test_while_runs_are_missing_it_says_which_intervals_these_are(vast, results)
 
 def test_runs_that_were_added_are_not_called_missing(vast, results) -> None:
     path = results / NAME / "_execution" / "execution.yaml"
-    path.write_text(path.read_text().replace("runs: 40", "runs: 30\nmore_runs: {hall-3: 40}"))
+    path.write_text(
+        path.read_text().replace("runs: 40", "runs: 30\nmore_runs: {hall-3: 40}\nruns_added: true")
+    )
     out = vast("results", "summary", NAME).out
     assert "\nRuns were added after a look at the verdicts, so all" in out
     assert "missing" not in out

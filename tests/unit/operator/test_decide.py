@@ -358,7 +358,7 @@ def test_a_finish_job_whose_pods_vanish_is_made_anew_ever_more_slowly_and_that_i
     assert 8 <= len(finishes) <= 14
     assert len(world.jobs) <= 4, "of all that were made the last is kept"
     found = next(c for c in world.status.conditions if c.type == "Stalled")
-    assert (found.status, found.reason) == ("True", "NoWord")
+    assert (found.status, found.reason) == ("True", "TaskPodsLost")
     assert "gone before" in found.message
     assert max(wait for wait in again if wait) > 300, "nobody looks all the while"
     world.mute = set()
@@ -589,7 +589,9 @@ def test_a_campaign_none_of_whose_pods_is_at_work_is_said_to_stall_with_the_caus
     world.look()
     (job,) = world.jobs.values()
     job.ready = 0
-    stalled = replace(world.snapshot(), pods=PodFindings(trouble=Trouble("ImagePull", "no image")))
+    stalled = replace(
+        world.snapshot(), pods=PodFindings(trouble=Trouble("ImagePullFailed", "no image"))
+    )
     assert decide(stalled).status.state == "Stalled"
     job.ready = 1
     dying = replace(

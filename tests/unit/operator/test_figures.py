@@ -37,7 +37,7 @@ def test_campaigns_are_counted_by_state_and_those_that_need_help() -> None:
 
 
 def test_runs_are_counted_for_each_namespace_that_has_campaigns() -> None:
-    store, metrics = Store(), Metrics({"b": 4, "c": 9}.get)
+    store, metrics = Store(), Metrics()
     for namespace, uid in (("a", "1"), ("b", "2")):
         meta = {"namespace": namespace, "name": "drive", "resourceVersion": "1", "uid": uid}
         status = {"state": "Running", "runs": {"active": int(uid), "waiting": 5}}
@@ -48,10 +48,8 @@ def test_runs_are_counted_for_each_namespace_that_has_campaigns() -> None:
         'robovast_namespace_runs{campaign_namespace="b",state="active"} 2.0',
         'robovast_namespace_runs{campaign_namespace="b",state="waiting"} 5.0',
         'robovast_namespace_campaigns{campaign_namespace="a",state="Running"} 1.0',
-        'robovast_namespace_pod_limit{campaign_namespace="b"} 4.0',
     ):
         assert line in lines
-    assert sum(line.startswith("robovast_namespace_pod_limit{") for line in lines) == 1
     store.drop_campaign(("b", "drive", "2"))
     assert 'campaign_namespace="b"' not in metrics.page(store, WorkQueue(), leading=True).decode()
 
@@ -59,9 +57,9 @@ def test_runs_are_counted_for_each_namespace_that_has_campaigns() -> None:
 def test_looks_that_come_to_nothing_are_counted_and_campaigns_that_go_on_failing() -> None:
     metrics, queue = Metrics(), WorkQueue()
     for _ in range(3):
-        metrics.failed("Quota")
+        metrics.failed("QuotaExceeded")
         queue.add_failed(("lab", "drive"))
     queue.add_failed(("lab", "other"))
     lines = metrics.page(Store(), queue, leading=True).decode().splitlines()
-    assert 'robovast_reconcile_failures_total{reason="Quota"} 3.0' in lines
+    assert 'robovast_reconcile_failures_total{reason="QuotaExceeded"} 3.0' in lines
     assert "robovast_campaigns_failing 1.0" in lines

@@ -27,7 +27,7 @@ from robovast_operator.status.notices import due, interested, job_suffix, marked
 
 LASTING = timedelta(seconds=300)
 PHONE = Notification(kind="ntfy", url="https://ntfy.example/topic")
-IMAGE = Trouble("ImagePull", "the image cannot be pulled. Check its name.")
+IMAGE = Trouble("ImagePullFailed", "the image cannot be pulled. Check its name.")
 NODE = Trouble("Unschedulable", "no node for the pod")
 
 
@@ -142,7 +142,9 @@ def test_trouble_is_told_when_it_lasts_once_for_each_cause_and_its_end_too() -> 
     for _ in range(3):
         world.wait(301)
         world.tell()
-    assert [(s.event, s.reason, s.verdict) for s in world.sent] == [("Stalled", "ImagePull", None)]
+    assert [(s.event, s.reason, s.verdict) for s in world.sent] == [
+        ("Stalled", "ImagePullFailed", None)
+    ]
     assert "Check its name" in world.sent[0].text
     world.trouble = NODE
     world.tell()

@@ -101,10 +101,10 @@ def test_a_refusal_is_over_when_a_pod_of_the_job_came_later(
 @pytest.mark.parametrize(
     ("reason", "message", "told"),
     [
-        ("FailedMount", 'secret "nowhere" not found', "Configuration"),
-        ("FailedCreatePodSandBox", "no network", "Container"),
-        ("FailedCreate", "exceeded quota: small", "Quota"),
-        ("FailedCreate", "violates PodSecurity", "Refused"),
+        ("FailedMount", 'secret "nowhere" not found', "ContainerConfigError"),
+        ("FailedCreatePodSandBox", "no network", "ContainerError"),
+        ("FailedCreate", "exceeded quota: small", "QuotaExceeded"),
+        ("FailedCreate", "violates PodSecurity", "RequestDenied"),
     ],
 )
 def test_what_only_events_tell_is_told(reason: str, message: str, told: str) -> None:
@@ -149,7 +149,7 @@ def test_a_hook_that_holds_a_pod_is_told(
         assert found is None
         return
     assert found is not None
-    assert found.reason == ("ForeignContainer" if order[number] == "mesh" else "Container")
+    assert found.reason == ("ForeignContainer" if order[number] == "mesh" else "ContainerError")
     assert f"container {order[number]} in the pod p" in found.message
     assert "`postStart` hook" in found.message
     for later in order[number + 1 :]:

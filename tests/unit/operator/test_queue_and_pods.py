@@ -186,7 +186,7 @@ def test_a_compose_job_that_was_given_up_says_how_its_last_container_ended() -> 
     )
     found = given_up_of("lab", "drive-compose", [*pods, pod(0, crashed, created=times[2])])
     assert found is not None
-    assert found.reason == "Container"
+    assert found.reason == "ContainerError"
     assert "the last one so: the container compose fails (exit 1: Traceback" in found.message
     wrong = pod(0, ended("compose", 65, '{"error": "bad.vast: no"}'), created=times[2])
     assert given_up_of("lab", "drive-compose", [*pods, wrong]) is None, "its own message says it"
@@ -226,7 +226,7 @@ def test_the_error_of_a_report_is_told_as_text() -> None:
     report = json.dumps({"passed": "", "failed": "", "errored": "", "error": "no server at x"})
     found = trouble_of([pod(0, ended("agent", 74, report))])
     assert found is not None
-    assert (found.reason, found.message) == ("Storage", "no server at x")
+    assert (found.reason, found.message) == ("StorageUnavailable", "no server at x")
 
 
 def test_a_deleted_pod_that_its_job_holds_for_long_is_stuck() -> None:

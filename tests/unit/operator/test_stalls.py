@@ -118,24 +118,24 @@ MESHED = {"annotations": {INDEX_ANNOTATION: "0", CONTAINERS_ANNOTATION: "robovas
 
 CAUSES: dict[str, tuple[str, Any]] = {
     "image cannot be pulled": (
-        "ImagePull",
+        "ImagePullFailed",
         pod("Pending", compat_version=waits("ImagePullBackOff", "Back-off pulling")),
     ),
     "no node has room": ("Unschedulable", pod("Pending", NO_ROOM)),
     "Secret of the storage is missing": (
-        "Configuration",
+        "ContainerConfigError",
         pod("Pending", agent=waits("CreateContainerConfigError", "secret not found")),
     ),
     "wrong architecture": (
-        "Container",
+        "ContainerError",
         pod("Failed", compat_version=ended(255, message="exec /bin/sh: exec format error")),
     ),
     "no bash in the image": (
-        "Container",
+        "ContainerError",
         pod("Running", UNREADY, robovast=ended(128, "StartError", BASH), agent=RUNNING),
     ),
     "no shell in the image": (
-        "Container",
+        "ContainerError",
         pod("Failed", compat_version=ended(128, "StartError", "no such file or directory")),
     ),
     "container of a mesh": (
@@ -154,11 +154,11 @@ CAUSES: dict[str, tuple[str, Any]] = {
         pod("Failed", robovast=DONE, agent=ended(137, "OOMKilled")),
     ),
     "storage cannot be used": (
-        "Storage",
+        "StorageUnavailable",
         pod("Failed", agent=ended(74, message="no server at http://s3:9000")),
     ),
     "fetch of an earlier operator": (
-        "Storage",
+        "StorageUnavailable",
         pod("Failed", fetch=ended(74, message="no server at http://s3:9000")),
     ),
     "process that prepares out of memory": (
@@ -186,7 +186,7 @@ CAUSES: dict[str, tuple[str, Any]] = {
         pod("Running", READY, metadata=DELETED, robovast=RUNNING, agent=RUNNING),
     ),
     "run hangs": (
-        "Silent",
+        "NoLogOutput",
         pod("Running", UNREADY, ready=False, robovast=RUNNING, agent=RUNNING),
     ),
 }
@@ -219,7 +219,7 @@ def test_a_pod_that_is_being_prepared_for_long_is_not_silent() -> None:
 def test_what_a_server_refuses_from_the_start_it_refuses_every_pod() -> None:
     refused = {code: cause(pod("Failed", agent=ended(code))) for code in (76, 77)}
     told = {code: (t.reason, t.final) for code, t in refused.items() if t is not None}
-    assert told == {76: ("StorageRefuses", True), 77: ("StorageRefuses", False)}
+    assert told == {76: ("StorageDenied", True), 77: ("StorageDenied", False)}
 
 
 def test_the_table_of_causes_names_all_of_them() -> None:
@@ -232,7 +232,7 @@ def test_the_table_of_causes_names_all_of_them() -> None:
         for reason in ("exceeded quota", "violates PodSecurity")
         if (found := trouble_of_events([event("FailedCreate", 0, message=reason)], NOW - HOUR))
     }
-    elsewhere = {"WorkerLost", "OutOfSight"}
+    elsewhere = {"WorkerLost", "NoWorkerPods"}
     by_words = by_events | elsewhere | {NO_WORD, STORING}
     assert {reason for reason, _ in CAUSES.values()} | by_words == documented
 
@@ -243,9 +243,9 @@ def test_the_table_of_causes_names_all_of_them() -> None:
         (1, "south", "True", ""),
         (1, "south", "False", "WorkerLost"),
         (0, "south", "False", "WorkerLost"),
-        (0, "south", "True", "OutOfSight"),
+        (0, "south", "True", "NoWorkerPods"),
         (1, "south", "", ""),
-        (0, "south", "", "OutOfSight"),
+        (0, "south", "", "NoWorkerPods"),
         (0, "", "", ""),
     ],
 )
@@ -268,7 +268,7 @@ def test_what_was_in_the_way_of_pods_before_is_over() -> None:
     assert cause(*newer, old) is None
     found = cause(newer[0], old)
     assert found is not None, "the last one before it tells, as long as the newest says nothing"
-    assert found.reason == "Storage"
+    assert found.reason == "StorageUnavailable"
 
 
 def test_pods_that_wait_are_no_stall_while_others_work() -> None:
@@ -383,8 +383,8 @@ def test_a_stall_neither_flaps_nor_stays() -> None:
     campaign = Campaign(pull)
     stall = SETTINGS.stall_seconds
     assert campaign.pass_by(1) == ""
-    assert campaign.pass_by(stall) == "ImagePull"
-    assert campaign.pass_by(1, active=2) == "ImagePull", "another such pod changes nothing"
+    assert campaign.pass_by(stall) == "ImagePullFailed"
+    assert campaign.pass_by(1, active=2) == "ImagePullFailed", "another such pod changes nothing"
     assert campaign.pass_by(1, active=2, ready=1) == "", "pods are at work"
     assert campaign.pass_by(1, active=2, ready=1, completed="0") == ""
     assert campaign.pass_by(1, active=1, ready=0, completed="0") == ""
@@ -402,11 +402,11 @@ def test_an_old_event_explains_no_stall() -> None:
     place = {"involvedObject": {"fieldPath": "spec.containers{robovast}"}}
     campaign.server.events = {"a": [mount]}
     stall = SETTINGS.stall_seconds
-    assert campaign.pass_by(stall) == "Configuration"
+    assert campaign.pass_by(stall) == "ContainerConfigError"
     campaign.server.events = {"a": [event("Pulled", 14, **place), mount]}
     assert campaign.pass_by(10 * stall) == ""
     campaign.server.events["a"].append(event("Started", 14, **place))
-    assert campaign.pass_by(20 * stall) == "Container"
+    assert campaign.pass_by(20 * stall) == "ContainerError"
 
 
 def test_a_job_without_pods_is_explained_by_its_own_events() -> None:
@@ -419,7 +419,7 @@ def test_a_job_without_pods_is_explained_by_its_own_events() -> None:
     campaign.server.events = {"a": [event("FailedMount", 1)], "uid-drive-0": [refused]}
     assert campaign.pass_by(stall, active=0) == ""
     campaign.server.events["uid-drive-0"] = [refused | event("FailedCreate", 7)]
-    assert campaign.pass_by(10 * stall, active=0) == "Refused"
+    assert campaign.pass_by(10 * stall, active=0) == "RequestDenied"
 
 
 def test_pods_at_work_are_left_in_peace() -> None:
@@ -466,7 +466,7 @@ def test_a_stall_lasts_until_something_succeeds(
     """Pods fail, vanish and start in any order; indexes may be given up without a verdict."""
     first = pod("Failed", agent=ended(74, message="no server at http://s3:9000"), minutes=0)
     campaign = Campaign(first)
-    assert campaign.pass_by(SETTINGS.stall_seconds) == "Storage"
+    assert campaign.pass_by(SETTINGS.stall_seconds) == "StorageUnavailable"
     status: dict[str, Any] = {"active": 1}
     given_up = 0
     for number, (step, seconds) in enumerate(steps):
@@ -483,7 +483,7 @@ def test_a_stall_lasts_until_something_succeeds(
             new = pod(shown[0], index=given_up, **shown[1])
             new["metadata"] |= {"name": f"x{number}", "creationTimestamp": format_time(now())}
             campaign.server.pods = (*campaign.server.pods, new)
-        assert campaign.pass_by(seconds, **status) == "Storage"
+        assert campaign.pass_by(seconds, **status) == "StorageUnavailable"
     if verdict:
         dead = pod("Failed", index=given_up, minutes=0, agent=ended(10))
         campaign.server.pods = (dead,)

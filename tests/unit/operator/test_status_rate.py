@@ -58,7 +58,7 @@ def test_a_status_that_flaps_is_written_sixty_times_a_minute_and_the_rest_is_cou
             Condition(
                 type="Stalled",
                 status="True",
-                reason="Storage",
+                reason="StorageUnavailable",
                 message="x",
                 last_transition_time="2026-01-01T00:00:00Z",
             )

@@ -46,7 +46,7 @@ def test_a_campaign_all_of_whose_runs_fail_is_told_in_few_lines() -> None:
     assert world.status.runs.failed == 1200
     assert told[:3] == ["Planned", "JobCreated", "RunFailed"]
     assert told.count("RunFailed") == 3
-    assert told.count("RunsBad") == 3, "at 10, 100 and 1000"
+    assert told.count("RunsUnsuccessful") == 3, "at 10, 100 and 1000"
     assert len(told) == 8
 
 

@@ -186,7 +186,7 @@ def _entries(document: Document, variants: Sequence[Variant]) -> str:
         [name, entries.get(name, "the scenario's defaults"), str(count), str(count * runs)]
         for name, count in counts.items()
     ]
-    rows.append(["in all", "", str(len(variants)), str(len(variants) * runs)])
+    rows.append(["total", "", str(len(variants)), str(len(variants) * runs)])
     return format_table(["ENTRY", "MADE OF", "CONFIGURATIONS", "RUNS"], rows)
 
 

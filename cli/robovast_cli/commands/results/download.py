@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from robovast_cli.commands.results.options import Target
-from robovast_cli.kube.options import Namespace, context_option
+from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import new_app
 
 app = new_app("Download results from the cluster's storage, or from the share.")
@@ -49,13 +49,7 @@ def download(
     debug: Annotated[
         bool, typer.Option("--debug", help="Print each HTTP request and its status on stderr.")
     ] = False,
-    context: Annotated[
-        list[str] | None,
-        context_option(
-            "If it is repeated, the campaign was divided among these clusters, and its parts are "
-            "merged."
-        ),
-    ] = None,
+    context: Context = None,
     namespace: Namespace = None,
 ) -> None:
     """Download results: verified, each run or archive completely or not at all.
@@ -79,13 +73,9 @@ def download(
 
     with CLUSTER.needed_by("Access to a cluster"):
         from robovast_cli.commands.results.downloading import download_campaigns
-        from robovast_cli.commands.results.parts import download_parts
 
-    if context and len(context) > 1:
-        download_parts(context, namespace, names, output, force=force)
-        return
     try:
-        download_campaigns(context[0] if context else None, namespace, names, output, force=force)
+        download_campaigns(context, namespace, names, output, force=force)
     except CannotRunError as error:
         if cluster_is_meant:
             raise

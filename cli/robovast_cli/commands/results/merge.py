@@ -27,9 +27,22 @@ def merge_campaigns(
     The campaigns stay as they are. Tables, metadata and provenance are not taken over:
     `vast results postprocess -r DIR` makes them of all runs together.
     """
-    from robovast_cli.commands.results.merging import merge
+    from robovast.campaign.merge import merge_campaigns as merge
     from robovast_cli.commands.results.options import chosen_campaigns
+    from robovast_cli.ui.output import say
+    from robovast_cli.ui.table import counted
+    from robovast_cli.ui.working import working
+    from robovast_cli.workspace import shown
 
     campaigns = chosen_campaigns(results_dir or ctx.obj.results, campaign)
     sources = [path for path in campaigns if path.absolute() != target.absolute()]
-    merge(sources, target, "campaign")
+    with working(f"Merging {counted(len(sources), 'campaign')}"):
+        result = merge(sources, target)
+    for path in result.unidentified:
+        say(f"{path}: has no config_identifier, so it was merged with nothing.")
+    for path in result.left_out:
+        say(f"{path}: left out, because it has no `run.json` of a run that went to its end.")
+    say(
+        f"Merged {counted(len(sources), 'campaign')} into {shown(target)}: "
+        f"{counted(result.configurations, 'configuration')}, {counted(result.runs, 'run')}."
+    )

@@ -5,12 +5,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from robovast.base.errors import InputError
 from robovast_cli.commands.exec.local import Debug, LogTree, Runs, Select
 from robovast_cli.kube.options import (
     CampaignName,
     Context,
-    Contexts,
     Namespace,
     SetupOptions,
     setup_config,
@@ -137,7 +135,7 @@ def run(
     ] = "yaml",
     log_tree: LogTree = False,
     debug: Debug = False,
-    context: Contexts = None,
+    context: Context = None,
     namespace: Namespace = None,
 ) -> int:
     """Run a campaign on the cluster, follow it to its end, and say how it ended.
@@ -155,26 +153,22 @@ def run(
         image=image,
         log_tree=log_tree,
         debug=debug,
-        context=context[0] if context else None,
+        context=context,
         queue=queue,
         queue_priority=queue_priority,
         parallelism=parallelism,
         reuse=reuse,
     )
     document = ctx.obj.document()
-    if context and len(context) > 1 and (dry_run or estimate):
-        raise InputError(
-            "`--dry-run` and `--estimate` are about one cluster: name one `--context`."
-        )
     if dry_run:
         return cluster_run.print_campaign(document, options, namespace, output)
     if estimate:
         from robovast_cli.commands.exec.cluster.estimating import print_estimate
 
-        print_estimate(document, options, options.context, namespace)
+        print_estimate(document, options, context, namespace)
         return 0
     return cluster_run.run(
-        document, options, context or (), namespace, detach=detach, clean_before=cleanup
+        document, options, context, namespace, detach=detach, clean_before=cleanup
     )
 
 

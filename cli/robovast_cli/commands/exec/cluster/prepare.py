@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from robovast.base.any_yaml import dump_any
 from robovast.base.errors import StorageError
 from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.kubeapi.submission import SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
-from robovast_cli.commands.exec.cluster.run import campaign_yaml
 from robovast_cli.ui.output import say
 
 FILE = "campaign.yaml"
@@ -51,7 +51,7 @@ def prepare_run(
         if output.is_dir() and any(output.iterdir()) and not (output / FILE).is_file():
             raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
         output.mkdir(parents=True, exist_ok=True)
-        (output / FILE).write_text(campaign_yaml(submission.campaign), encoding="utf-8")
+        (output / FILE).write_text(dump_any(submission.campaign), encoding="utf-8")
         if submission.archive:
             key = submission.archive.key
             (output / key).write_bytes(submission.archive.content)
