@@ -37,6 +37,7 @@ _UNDECODABLE = (
     ValueError,
     IndexError,
     KeyError,
+    AttributeError,  # the bag defines a known type without one of its fields
     OverflowError,
     MemoryError,
 )

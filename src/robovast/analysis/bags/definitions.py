@@ -42,6 +42,29 @@ _WSTRING_CONSTANT = re.compile(rf"^[ \t]*{WSTRING}\s+\w+[ \t]*=.*$", re.MULTILIN
 """What the parser does not know of 16-bit text; neither changes how a message is stored."""
 
 
+_FAULTS = (
+    *(TypesysError, ArithmeticError, AssertionError, AttributeError, LookupError, OSError),
+    *(RuntimeError, TypeError, ValueError),
+)
+"""What the parser raises for invalid definitions."""
+_TYPE = re.compile(r"[A-Za-z]\w*(/(msg|srv|action))?/[A-Za-z]\w*", re.ASCII)
+_LONGEST = 256 << 10
+"""Longest definition [characters]; those of ROS have at most some 30,000."""
+_MOST_LEVELS = 64
+"""Most levels of types within types."""
+_MOST_ITEMS = 1 << 16
+"""Most items of an array of fixed length."""
+_MOST_FIELDS = 10_000
+"""Most values outside of arrays; each becomes a column."""
+_MOST_ELEMENTS = 1 << 24
+"""Most values of a message, in arrays of fixed length within each other."""
+_QUOTED = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+_ANNOTATION = re.compile(r"@\w+\s*\((?:[^()]|\([^()]*\))*\)")
+_COMPUTES = re.compile(r"\(|<<|>>\s*[0-9]")
+"""Parts of expressions in IDL, whose parser takes exponential time or memory for some; the
+definitions that ROS writes have none."""
+
+
 class DefinitionError(ValueError):
     """A message type is undefined, or its definition cannot be read."""
 
@@ -76,17 +99,66 @@ def types_of(definition: Definition, folder: Path | None, distribution: str) -> 
         DefinitionError: the type, or one that it uses, is undefined.
     """
     try:
-        own = _own_types(definition, folder)
-    except (TypesysError, ValueError, KeyError, IndexError, OSError) as error:
-        cause = " ".join(str(error).encode(errors="replace").decode().split())[:_LONGEST_CAUSE]
-        raise DefinitionError(f"the definition of {definition.type} is wrong: {cause}") from error
-    if not _missing(definition.type, own):
-        return own
-    known = {**_distribution_types(distribution), **own}
-    missing = _missing(definition.type, known)
-    if missing:
-        raise DefinitionError(_what_is_missing(missing[0]))
+        known = _own_types(definition, folder)
+        if _missing(definition.type, known):
+            known = {**_distribution_types(distribution), **known}
+        missing = _missing(definition.type, known)
+        if missing:
+            raise DefinitionError(_what_is_missing(missing[0]))
+        _Size(known).measure(definition.type)
+    except DefinitionError:
+        raise
+    except _FAULTS as error:
+        raise _wrong(definition, error) from error
     return known
+
+
+def _wrong(definition: Definition, error: Exception) -> DefinitionError:
+    cause = " ".join(str(error).encode(errors="replace").decode().split())[:_LONGEST_CAUSE]
+    return DefinitionError(
+        f"the definition of {definition.type[:_LONGEST_CAUSE]} is wrong: "
+        f"{cause or type(error).__name__}"
+    )
+
+
+class _Size:
+    """Measures types, which may be nested in more values than memory holds."""
+
+    def __init__(self, types: Typesdict) -> None:
+        self._types = types
+        self._known: dict[str, tuple[int, int, int]] = {}
+
+    def measure(self, type_: str, depth: int = 1) -> tuple[int, int, int]:
+        """Values outside of arrays, values with those of fixed arrays, and levels of a type.
+
+        Raises:
+            ValueError: they are too many.
+        """
+        if type_ in self._known:
+            return self._known[type_]
+        fields = elements = levels = 1
+        for name, field in self._types[type_][1]:
+            count, used = _count(field), _used(field)
+            if depth > _MOST_LEVELS and used:
+                raise ValueError(f"its types are nested more than {_MOST_LEVELS} levels deep")
+            inner = self.measure(used[0], depth + 1) if used else (1, 1, 0)
+            fields, elements = fields + inner[0], elements + inner[1] * count
+            levels = max(levels, inner[2] + 1)
+            if count > _MOST_ITEMS:
+                raise ValueError(f"its array {name} has more than {_MOST_ITEMS:,} items")
+        if fields > _MOST_FIELDS or elements > _MOST_ELEMENTS or levels > _MOST_LEVELS:
+            raise ValueError(
+                f"{type_} has {fields:,} fields, {elements:,} values in fixed arrays and {levels} "
+                f"levels; at most {_MOST_FIELDS:,}, {_MOST_ELEMENTS:,} and {_MOST_LEVELS} are read"
+            )
+        self._known[type_] = fields, elements, levels
+        return self._known[type_]
+
+
+def _count(field: FieldDesc) -> int:
+    """Items of an array of fixed length; 1 for others."""
+    kind, what = cast("tuple[Nodetype, Any]", field)
+    return int(what[1]) if kind is Nodetype.ARRAY else 1
 
 
 def _what_is_missing(type_: str) -> str:
@@ -131,10 +203,11 @@ def typestore_of(definition: Definition, folder: Path | None, distribution: str)
 @lru_cache(maxsize=64)
 def _typestore(definition: Definition, folder: Path | None, distribution: str) -> Typestore:
     store = get_typestore(Stores.EMPTY)
+    types = types_of(definition, folder, distribution)
     try:
-        store.register(types_of(definition, folder, distribution))
-    except TypesysError as error:  # its own copy of a type of ROS differs from ROS's
-        raise DefinitionError(f"the definition of {definition.type} is wrong: {error}") from error
+        store.register(types)
+    except _FAULTS as error:  # such as its own copy of a type of ROS, which differs from ROS's
+        raise _wrong(definition, error) from error
     return store
 
 
@@ -147,6 +220,10 @@ def _distribution_types(distribution: str) -> Typesdict:
 
 
 def _own_types(definition: Definition, folder: Path | None) -> Typesdict:
+    if not _TYPE.fullmatch(definition.type):
+        raise ValueError("it is not the name of a type")
+    if len(definition.text) > _LONGEST:
+        raise ValueError(f"it has more than {_LONGEST:,} characters")
     if not definition.given:
         return _types_from_files(definition.type, folder)
     text = "\n".join(definition.text.lstrip("\ufeff").splitlines()) + "\n"
@@ -178,6 +255,8 @@ def _types_from_msg(text: str, type_: str) -> Typesdict:
 
 def _types_from_idl(text: str) -> Typesdict:
     """Types in concatenated IDL files, each optionally preceded by a line with its name."""
+    if _COMPUTES.search(_ANNOTATION.sub("", _QUOTED.sub("", text))):
+        raise ValueError("it has an expression; write the number that it results in")
     types: Typesdict = {}
     for part in _IDL_SEPARATOR.split(text):
         if part.strip():

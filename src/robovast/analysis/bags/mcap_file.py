@@ -23,7 +23,7 @@ import zstandard
 from mcap.opcode import Opcode
 
 from robovast.analysis.bags.definitions import Definition
-from robovast.analysis.bags.source import NEVER, TOGETHER, Block, Faults, Read, Topic, Types
+from robovast.analysis.bags.source import LATEST, NEVER, TOGETHER, Block, Faults, Read, Topic, Types
 from robovast.analysis.bags.zstd import decompressed
 from robovast.base.bounds import LARGEST, Bound
 
@@ -145,7 +145,8 @@ class McapFile:
                 begin += _INDEX.size
                 whole = index[begin : begin + (end - begin) // _ENTRY.size * _ENTRY.size]
                 channel += block.base
-                found += [(channel, time) for time, _ in _ENTRY.iter_unpack(whole)]
+                entries = _ENTRY.iter_unpack(whole)
+                found += [(channel, time) for time, _ in entries if time <= LATEST]
         return found
 
     def _scan(self, file: BinaryIO, size: int) -> None:
@@ -215,6 +216,7 @@ class McapFile:
             last.add(channel + self._base, time)
         elif opcode == Opcode.CHUNK and len(head) >= _CHUNK_HEAD.size:
             _, _, start, end = _CHUNK_HEAD.unpack_from(head)
+            start, end = min(start, LATEST), min(end, LATEST)
             new = Block(place, after, after - place, start, end, chunk=True, base=self._base)
             self.blocks.append(new)
         elif opcode == Opcode.MESSAGE_INDEX and self.blocks and self.blocks[-1].chunk:
@@ -342,7 +344,9 @@ class McapFile:
             if opcode == Opcode.MESSAGE and end - begin >= _MESSAGE_SIZE:
                 count += 1
                 channel, _, time = _MESSAGE.unpack_from(content, begin)
-                if channel + base in channels:
+                if time > LATEST:
+                    self._fault("has messages of an impossible time, which are left out")
+                elif channel + base in channels:
                     found.append((time, channel + base, content[begin + _MESSAGE_SIZE : end]))
         if content and count < block.count:
             self._fault(
@@ -377,7 +381,7 @@ def _prefixed(record: bytes, place: int) -> tuple[str, int]:
     end = place + _LENGTH.size + length
     if end > len(record):
         raise ValueError("it is cut off")
-    return record[place + _LENGTH.size : end].decode("utf-8", "surrogateescape"), end
+    return record[place + _LENGTH.size : end].decode("utf-8", "backslashreplace"), end
 
 
 def _next(read: _ReadAt, place: int, size: int, bound: Bound) -> int | None:

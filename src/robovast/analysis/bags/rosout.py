@@ -11,6 +11,7 @@ from robovast.analysis.bags.source import Consumer, Topic
 from robovast.model.document.commands import LEVELS, RosoutToCsv
 
 ROSOUT = "/rosout"
+_TYPE = "rcl_interfaces/msg/Log"
 _NAMES = {level: name.encode() for name, level in LEVELS.items()}
 _COLUMNS = (
     "timestamp",
@@ -38,6 +39,9 @@ class RosoutWorker:
     def subscribe(self, topic: Topic) -> Consumer | None:
         """The consumer of the log topic, or None."""
         if topic.name != ROSOUT:
+            return None
+        if topic.type != _TYPE:
+            self._context.warn(f"{ROSOUT} is left out: its type is {topic.type}, not {_TYPE}")
             return None
         read = self._context.reader(topic)
         return lambda time, data: self._log(time, read(data))

@@ -20,6 +20,8 @@ TOGETHER = 1 << 20
 """Size of a block of messages that the file does not group itself [bytes]."""
 NEVER = 1 << 63
 """Start of a block without messages [ns]."""
+LATEST = (1 << 63) - 1
+"""Latest time of a message [ns]; none is negative."""
 _MOST_FAULTS = 20
 
 
@@ -72,6 +74,7 @@ class Block:
 
     def add(self, channel: int, time: int) -> None:
         """Note a message."""
+        time = min(time, LATEST)
         self.start, self.end = min(self.start, time), max(self.end, time)
         self.channels.add(channel)
         self.count += 1

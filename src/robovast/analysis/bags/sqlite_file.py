@@ -49,6 +49,7 @@ class SqliteFile:
         try:
             with opened(path, seconds=bound.seconds_left) as database:
                 require_tables(database, path.name, "messages", "topics")
+                _require_row_numbers(database, path.name)
                 self.topics = dict(_topics(database, types))
                 self._scan(database, bound)
         except InputError as error:
@@ -59,7 +60,7 @@ class SqliteFile:
         wanted = [json.dumps(sorted(channels))]
         where = (
             "AND topic_id IN (SELECT value FROM json_each(?)) AND typeof(data) = 'blob' "
-            "AND typeof(timestamp) = 'integer' AND typeof(topic_id) = 'integer'"
+            "AND typeof(timestamp) = 'integer' AND timestamp >= 0 AND typeof(topic_id) = 'integer'"
         )
         found: list[Read] = []
         try:
@@ -74,7 +75,11 @@ class SqliteFile:
         """Topic and time [ns] of the messages in a block."""
         with opened(self._path) as database:
             rows = self._rows(database, "topic_id, timestamp", block)
-            return [(topic, time) for _, topic, time in rows if type(topic) is type(time) is int]
+            return [
+                (topic, time)
+                for _, topic, time in rows
+                if type(topic) is type(time) is int and time >= 0
+            ]
 
     def _scan(self, database: sqlite3.Connection, bound: Bound) -> None:
         odd, rows = 0, 0
@@ -85,7 +90,7 @@ class SqliteFile:
                 self.faults.add(f"{self._path.name} has too many rows; the last ones are left out")
                 self.complete = False
                 break
-            is_message = type(topic) is int and type(time) is int and kind == "blob"
+            is_message = type(topic) is type(time) is int and time >= 0 and kind == "blob"
             if not is_message or size > LARGEST:
                 odd += 1
                 continue
@@ -128,6 +133,22 @@ class SqliteFile:
             step = after + (1 << tries // _PATIENCE)
             after = max(_following(database, after) or step, step)
             tries, losses = tries + 1, losses + 1
+
+
+def _require_row_numbers(database: sqlite3.Connection, name: str) -> None:
+    """Refuse a table whose `rowid` is not the number of a row.
+
+    Raises:
+        InputError: it is a column of its own, or the table has no such numbers.
+    """
+    columns = database.execute("SELECT lower(name) FROM pragma_table_xinfo('messages')")
+    try:
+        is_own = ("rowid",) in columns.fetchall()
+        database.execute("SELECT rowid FROM messages LIMIT 0")
+    except sqlite3.OperationalError:
+        is_own = True
+    if is_own:
+        raise InputError(f"{name} is no bag: the rows of its table messages have no numbers.")
 
 
 def _following(database: sqlite3.Connection, row: int) -> int | None:

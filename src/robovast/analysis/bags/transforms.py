@@ -23,6 +23,8 @@ Mask = NDArray[np.bool_]
 _NORM_TOLERANCE = 1e-2
 _SAME = 1_000_000_000
 """Time of receipt within which jumps of several frames belong to one jump [ns]."""
+_MOST_FRAMES = 500
+"""Most frames between a frame and its reference; tf2 follows at most 1000."""
 _SIZE = 56
 """Seven numbers in bytes: position x, y, z [m] and orientation x, y, z, w."""
 
@@ -357,7 +359,7 @@ class TransformTree:
             return ends, Poses(np.zeros((count, 3)), identity, np.ones(count, dtype=bool))
         link = self._links[frame]
         parents, poses = link.at(times)
-        if frame in seen:  # a cycle
+        if frame in seen or len(seen) > _MOST_FRAMES:  # a cycle, or one in effect
             return ends, poses._replace(valid=np.zeros(count, dtype=bool))
         position, orientation = poses.position.copy(), poses.orientation.copy()
         valid = poses.valid.copy()
@@ -381,7 +383,8 @@ def _samples(found: _Found, received: Times, places: Times) -> dict[str, _Sample
         stamps[:, 1] &= 0xFFFFFFFF  # nanoseconds are unsigned
         times = stamps @ np.array([1_000_000_000, 1])
         values = np.ascontiguousarray(raw[:, -_SIZE:]).view(f"{order}f8").astype(np.float64)
-        norms = np.sum(values[:, 3:] ** 2, axis=1)
+        with np.errstate(over="ignore"):  # a norm of infinity is as wrong as any other
+            norms = np.sum(values[:, 3:] ** 2, axis=1)
         valid = np.isfinite(values).all(axis=1) & (np.abs(norms - 1) < _NORM_TOLERANCE)
         if valid.any() and parent and child and parent != child:
             numbers = np.array(messages, dtype=np.int64)[valid]

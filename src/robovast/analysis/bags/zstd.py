@@ -47,10 +47,14 @@ def decompress_file(source: BinaryIO, target: Path) -> None:
         try:
             while block := reader.read(_BLOCK):
                 if file.tell() + len(block) > min(most, room):
-                    why = "its origin is doubtful" if most < room else "there is too little space"
+                    why = (
+                        f"it unpacks to more than {_HIGHEST_RATIO} times its size"
+                        if most < room
+                        else "the disk has too little free space"
+                    )
                     raise ValueError(
-                        f"is read up to {min(most, room) >> 20} MiB of its content: {why}. To read "
-                        f"all of a file that you trust, decompress it with `zstd -d`"
+                        f"is read only up to {min(most, room) >> 20} MiB of its content: {why}. To "
+                        f"read all of a file that you trust, decompress it with `zstd -d`"
                     )
                 file.write(block)
         except zstandard.ZstdError as error:

@@ -1,26 +1,33 @@
 """Where the meaning of a message comes from when its bag does not say it."""
 
 import sqlite3
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from mcap.writer import Writer
 from rosbags.rosbag2 import StoragePlugin
 from support.campaigns.bags import START, Bag, convert_alone, rows
 
-from robovast.model.document.commands import TopicsToCsv
+from robovast.analysis.bags.definitions import Definition, DefinitionError, typestore_of
+from robovast.model.document.commands import RosoutToCsv, TopicsToCsv
 
 PAYLOAD = b"\x00\x01\x00\x00" + (7).to_bytes(4, "little")
 """A message that is one int32."""
 
 
-def record(folder: Path, type_: str, encoding: str, text: str, payload: bytes = PAYLOAD) -> Path:
+def record(
+    folder: Path, type_: str, encoding: str, text: str, payload: bytes = PAYLOAD, name: str = "/a"
+) -> Path:
     folder.mkdir()
     with (folder / "rosbag2_0.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start()
         schema = writer.register_schema(type_, encoding, text.encode())
-        channel = writer.register_channel("/a", "cdr", schema)
+        channel = writer.register_channel(name, "cdr", schema)
         writer.add_message(channel, START, payload, START)
         writer.finish()
     return folder
@@ -140,3 +147,83 @@ def test_bags_of_humble_have_no_definitions(tmp_path: Path) -> None:
     database.close()
     assert convert(bag.folder) == []
     assert data(bag.folder, "data") == ["old"]
+
+
+@pytest.mark.parametrize("type_", ["m/msg/T", "rcl_interfaces/msg/Log"])
+def test_a_log_of_another_form_is_left_out(tmp_path: Path, type_: str) -> None:
+    folder = record(tmp_path / "rosbag2", type_, "ros2msg", "int32 x\n", name="/rosout")
+    warnings = convert_alone(folder, RosoutToCsv()).warnings
+    assert any("/rosout" in text and "left out" in text and type_ in text for text in warnings)
+
+
+def idl(struct: str, before: str = "") -> str:
+    return f"module m {{ module msg {{ {before} struct T {{ {struct} }}; }}; }};"
+
+
+NESTED = "\n".join(
+    ["m/A0 a"]
+    + [f"{'=' * 80}\nMSG: m/A{n}\n" + f"m/A{n + 1} a\nm/A{n + 1} b\n" * 5 for n in range(9)]
+    + [f"{'=' * 80}\nMSG: m/A9\nint32 x\n"]
+)
+CHAIN = "\n".join(
+    ["m/A0 a"]
+    + [f"{'=' * 80}\nMSG: m/A{n}\nm/A{n + 1} a\n" for n in range(2000)]
+    + [f"{'=' * 80}\nMSG: m/A2000\nint32 x\n"]
+)
+EMPTY = f"m/E[60000] a\n{'=' * 80}\nMSG: m/E\nm/F[60000] b\n{'=' * 80}\nMSG: m/F\n"
+
+
+@pytest.mark.parametrize(
+    ("type_", "encoding", "text", "cause"),
+    [
+        (
+            "m/msg/T",
+            "ros2idl",
+            idl("long x;", f"const long A = {'(' * 40}1{')' * 40};"),
+            "expressi",
+        ),
+        ("m/msg/T", "ros2idl", idl("long x;", "const long A = 1 << 99999999999;"), "expression"),
+        ("m/msg/T", "ros2idl", idl("long x[" + "(" * 40 + "1" + ")" * 40 + "];"), "expression"),
+        ("m/msg/T", "ros2idl", idl("long x;", "/*" * 100_000), ""),
+        ("m/msg/T", "ros2msg", "m/T a\n", "levels deep"),
+        ("m/msg/T", "ros2msg", f"m/U a\n{'=' * 80}\nMSG: m/U\nm/T[] b\n", "levels deep"),
+        ("m/msg/T", "ros2msg", CHAIN, "levels deep"),
+        ("m/msg/T", "ros2msg", NESTED, "fields"),
+        ("m/msg/T", "ros2msg", "string[200000] a\n", "more than 65,536 items"),
+        ("m/msg/T", "ros2msg", EMPTY, "values in fixed arrays"),
+        ("m/msg/T", "ros2msg", "int32 x\n" + "#" * 300_000, "more than 262,144 characters"),
+        ("9a/msg/Log", "ros2msg", "int32 x\n", "not the name of a type"),
+        ("/etc/msg/X", "", "", "not the name of a type"),
+        ("m/msg/T", "ros2msg", "int32 X=1e999\nint32 x\n", None),
+        ("m/msg/T", "ros2msg", "float32 X=1e999\nint32 x\n", None),
+    ],
+)
+def test_hostile_definitions_cost_their_topic_alone(
+    tmp_path: Path, type_: str, encoding: str, text: str, cause: str | None
+) -> None:
+    begun = time.process_time()
+    warnings = convert(record(tmp_path / "rosbag2", type_, encoding, text), tmp_path)
+    assert time.process_time() - begun < 10
+    if cause is None:
+        assert data(tmp_path / "rosbag2", "x") == ["7"]
+    else:
+        (warning,) = warnings
+        assert warning.startswith("/a is left out: the definition of ")
+        assert cause in warning
+
+
+WORDS = st.sampled_from(
+    [
+        *("int32 x", "m/T", "m/U[] u", "[3]", "[<=9]", "string<=5 s", "=", "=1", "(", "\n"),
+        *("\n" + "=" * 80, "\nMSG: m/U\n", "struct", "module m {", "};", "const long A = "),
+        *("@key", "<", ">", "wstring"),
+    ]
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.sampled_from(["ros2msg", "ros2idl"]), st.lists(WORDS, max_size=12).map(" ".join))
+def test_any_definition_is_read_or_refused(encoding: str, text: str) -> None:
+    with suppress(DefinitionError):
+        types = typestore_of(Definition("m/msg/T", encoding, text), None, "jazzy").fielddefs
+        assert "m/msg/T" in types

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import struct
 import time
@@ -14,7 +15,7 @@ import pytest
 import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap.reader import NonSeekingReader
+from mcap.reader import NonSeekingReader, make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.rosbag2 import Reader, StoragePlugin
 from support.campaigns.bags import START, Bag, convert_alone, rows
@@ -22,6 +23,8 @@ from support.campaigns.bags import START, Bag, convert_alone, rows
 from robovast.analysis.bags.files import BagInfo, read_bag, read_info
 from robovast.analysis.bags.source import Consumer, Topic
 from robovast.evaluation.bag_timeline import read_timeline
+from robovast.evaluation.drive.drives import Drives
+from robovast.evaluation.drive.one_file import one_file
 from robovast.evaluation.drive.recording import Recording
 from robovast.model.document.commands import TopicsToCsv
 
@@ -209,9 +212,57 @@ def write_db(path: Path, messages: list[ROW], script: str = "", number: Any = 1)
         )
 
 
+@pytest.mark.parametrize("indexed", [True, False])
+@pytest.mark.parametrize("chunked", [True, False])
+def test_impossible_times_cost_their_messages_alone(
+    tmp_path: Path, *, indexed: bool, chunked: bool
+) -> None:
+    write_mcap(
+        tmp_path / "bag" / "0.mcap",
+        [1, 2, 1 << 63, (1 << 64) - 1, 5, 6],
+        use_chunking=chunked,
+        index_types=IndexType.ALL if indexed else IndexType.NONE,
+    )
+    found, warnings = converted(tmp_path / "bag")
+    assert [moment for _, moment, _ in found] == [1, 2, 5, 6]
+    assert "messages of an impossible time" in " ".join(warnings)
+    copied, _ = one_file(tmp_path, "bag", tmp_path)
+    with copied.open("rb") as stream:
+        count = len(list(make_reader(stream).iter_messages()))
+    assert count == (6 if indexed and chunked else 4), "a whole file is its own copy"
+    assert Drives(tmp_path).drive("bag", {}).overview()
+
+
+def test_names_that_are_not_text_stay_distinct(tmp_path: Path) -> None:
+    write_mcap(tmp_path / "bag" / "0.mcap", [1, 2])
+    path = tmp_path / "bag" / "0.mcap"
+    path.write_bytes(path.read_bytes().replace(b"/0", b"/\xff").replace(b"/1", b"/\xfe"))
+    recording = Recording(tmp_path, "bag")
+    assert sorted(recording.topics) == ["/\\xfe", "/\\xff"]
+    copied, _ = one_file(tmp_path, "bag", tmp_path)
+    assert copied.exists()
+    json.dumps(str(Drives(tmp_path).drive("bag", {}).overview())).encode()
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        "messages (rowid TEXT, topic_id, timestamp, data)",
+        "messages (RowId INTEGER, topic_id, timestamp, data)",
+        "messages (id INTEGER PRIMARY KEY, topic_id, timestamp, data) WITHOUT ROWID",
+    ],
+)
+def test_a_table_without_numbers_of_rows_is_refused(tmp_path: Path, table: str) -> None:
+    write_db(tmp_path / "bag" / "0.db3", [], f"CREATE TABLE {table}")
+    found, warnings = converted(tmp_path / "bag")
+    assert found == []
+    assert "the rows of its table messages have no numbers" in " ".join(warnings)
+
+
 @pytest.mark.parametrize(
     "odd",
     [
+        (1, -5, b"x"),
         (1, 5, 3_000_000_000),
         (1, 5, "text"),
         (1, 5, None),
@@ -337,7 +388,7 @@ def test_a_compressed_file_is_read_within_bounds(
     packed.write_bytes(bomb(1 << 26))
     found, warnings = converted(tmp_path / "bag")
     assert found == []
-    assert f"{packed.name} is read up to 1 MiB of its content" in " ".join(warnings)
+    assert f"{packed.name} is read only up to 1 MiB of its content" in " ".join(warnings)
 
 
 META = "rosbag2_bagfile_information: "

@@ -1,6 +1,7 @@
 """Poses in `map` follow from all transforms of a bag, as tf2 would have them."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -131,6 +132,15 @@ def test_a_loop_of_frames_ends(tmp_path: Path) -> None:
     assert warning.startswith("1 of 1 poses of base_link")
 
 
+def test_a_chain_of_too_many_frames_ends(tmp_path: Path) -> None:
+    with Bag(tmp_path / "rosbag2") as bag:
+        names = ["map", *(f"f{n}" for n in range(1500)), "base_link"]
+        bag.transforms(bag.transform(a, b, 0) for a, b in pairwise(names))
+    table, (warning,) = poses(bag.folder)
+    assert table == []
+    assert warning.startswith("1 of 1 poses of base_link")
+
+
 def test_transforms_that_tf2_would_refuse_are_left_out_and_counted(tmp_path: Path) -> None:
     with Bag(tmp_path / "rosbag2") as bag:
         bad = [
@@ -139,12 +149,14 @@ def test_transforms_that_tf2_would_refuse_are_left_out_and_counted(tmp_path: Pat
             bag.transform("base_link", "base_link", 3),
             bag.transform("", "base_link", 4),
             bag.transform("map", "base_link", 5),
+            bag.transform("map", "base_link", 6),
         ]
-        bad[-1].transform.rotation.w = 0.0
-        bag.transforms([*bad, bag.transform("/map", "/base_link", 6)])
+        bad[-2].transform.rotation.w = 0.0
+        bad[-1].transform.rotation.w = 1e300  # its square is more than a float holds
+        bag.transforms([*bad, bag.transform("/map", "/base_link", 7)])
     table, (warning,) = poses(bag.folder)
-    assert [row["timestamp"] for row in table] == [6.0]
-    assert warning.startswith("5 transforms are left out")
+    assert [row["timestamp"] for row in table] == [7.0]
+    assert warning.startswith("6 transforms are left out")
 
 
 def test_of_two_transforms_with_one_stamp_the_first_counts(tmp_path: Path) -> None:
