@@ -1,7 +1,7 @@
 """Loads CSV files into DuckDB: first as text into a table `staged`, then typed into their table.
 
 A column without a known type is a number only if each of its cells can be given back as written,
-and if no two of its cells are one number: `1` and `1.0` in one column are text.
+and if its whole numbers are written in one way: `1` and `2.0` in one column are text.
 """
 
 from __future__ import annotations
@@ -214,12 +214,12 @@ def _plain_of_staged(connection: DuckDBPyConnection, names: Sequence[str]) -> se
     return found
 
 
-def _has_plain_wholes(cell: str) -> str:
-    """SQL of whether the whole numbers of a column have no decimal point."""
-    value = f"{cell}::DOUBLE"
+def _has_plain_wholes(cell: str, yes: str = "") -> str:
+    """SQL of whether the whole numbers of a column have no decimal point; with `NOT`, all have."""
+    value = f"TRY_CAST({cell} AS DOUBLE)"
     is_fraction = f"NOT isfinite({value}) OR {value} <> trunc({value})"
     is_plain = f"regexp_full_match({cell}, '-?[0-9]+')"
-    return f"coalesce(bool_and({is_fraction} OR {is_plain}), true)"
+    return f"coalesce(bool_and({is_fraction} OR {yes} {is_plain}), true)"
 
 
 def _found_types(connection: DuckDBPyConnection, columns: Sequence[str]) -> Types:
@@ -260,7 +260,8 @@ def _number_type(connection: DuckDBPyConnection, cell: str) -> str:
         return fixed or "HUGEINT"
     double = f"bool_and({cell} IS NULL OR {is_double(cell)})"
     differ = f"count(DISTINCT {cell}) = count(DISTINCT TRY_CAST({cell} AS DOUBLE))"
-    is_number = all(_one_row(connection, (check,))[0] for check in (double, differ))
+    alike = f"{_has_plain_wholes(cell)} OR {_has_plain_wholes(cell, 'NOT')}"
+    is_number = all(_one_row(connection, (check,))[0] for check in (double, differ, alike))
     return "DOUBLE" if is_number else "VARCHAR"
 
 

@@ -208,7 +208,7 @@ def test_without_the_extra_the_message_names_it(
     campaign: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyoxigraph", None)
-    with pytest.raises(CannotRunError, match=r"robovast\[query\]"):
+    with pytest.raises(CannotRunError, match=r"\[query\]"):
         Graphs([campaign])
 
 
