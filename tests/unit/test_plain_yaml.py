@@ -1,7 +1,8 @@
-"""Simple YAML is written as PyYAML writes it."""
+"""YAML is read as it was written, also by readers of YAML 1.2."""
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime
 from typing import Any
 
@@ -10,6 +11,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robovast.base.any_yaml import dump_any
 from robovast.base.plain_yaml import NotSimpleError, dump_simple
 from robovast.base.serialization import dump_yaml
 
@@ -30,21 +32,14 @@ DATA = st.recursive(
 )
 
 
-def by_pyyaml(data: Any) -> str:
-    text: str = yaml.dump(
-        data, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True, width=2**31 - 1
-    )
-    return text
-
-
 @settings(max_examples=300, deadline=None)
 @given(DATA)
-def test_what_is_simple_is_written_as_pyyaml_writes_it(data: Any) -> None:
+def test_what_is_simple_is_written_as_any_yaml(data: Any) -> None:
     try:
         written = dump_simple(data)
     except NotSimpleError:
         return
-    assert written == by_pyyaml(data)
+    assert written == dump_any(data)
 
 
 def test_what_campaigns_are_made_of_is_simple() -> None:
@@ -56,11 +51,47 @@ def test_what_campaigns_are_made_of_is_simple() -> None:
         "identifier": "7" * 63 + "a",
         "nothing": None,
     }
-    assert dump_simple([record]) == by_pyyaml([record]) == dump_yaml([record])
+    assert dump_simple([record]) == dump_any([record]) == dump_yaml([record])
 
 
 @pytest.mark.parametrize("data", [{"a": "b: c"}, {1: 2}, ["é"], "text", {"a": float("nan")}, {}])
 def test_the_rest_is_left_to_pyyaml(data: Any) -> None:
     with pytest.raises(NotSimpleError):
         dump_simple(data)
-    assert dump_yaml(data) == by_pyyaml(data)
+    assert dump_yaml(data) == dump_any(data)
+
+
+class CoreSchema(yaml.SafeLoader):
+    """Reads as the core schema of YAML 1.2 and the truth values of YAML 1.1 say."""
+
+
+CoreSchema.yaml_implicit_resolvers = {}
+for tag, pattern in (
+    ("null", r"null|Null|NULL|~|"),
+    ("bool", r"true|True|TRUE|false|False|FALSE|[yYnN]|yes|Yes|YES|no|No|NO|on|On|ON|off|Off|OFF"),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+"),
+    ("float", r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"),
+    ("float", r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"),
+):
+    CoreSchema.add_implicit_resolver(
+        f"tag:yaml.org,2002:{tag}", re.compile(f"(?:{pattern})$"), None
+    )
+
+
+@settings(max_examples=500, deadline=None)
+@given(
+    st.one_of(
+        NAMES,
+        st.sampled_from(["=", "<<", "0o17", "08", "1.5e3", "-.5E-3", "+1", "5.", "e" * 64]),
+        st.from_regex(r"[-+]?[0-9eExo._:a-f]{1,12}", fullmatch=True),
+        st.from_regex(r"[0-9]{1,40}e[0-9]{23,62}", fullmatch=True),
+    )
+)
+def test_text_is_text_for_every_reader(text: str) -> None:
+    written = dump_yaml({"value": text, text: [text]})
+    for loader in (yaml.SafeLoader, CoreSchema):
+        node = yaml.compose(written, Loader=loader)
+        assert isinstance(node, yaml.MappingNode)
+        (_, value), (key, items) = node.value
+        found = [each.tag for each in (value, key, *items.value)]
+        assert found == ["tag:yaml.org,2002:str"] * 3, written

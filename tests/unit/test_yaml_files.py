@@ -108,6 +108,10 @@ def test_usual_merges_are_read() -> None:
     assert parse_yaml(many)["c7"] == Source(Path("a.vast"), many).data["c7"] == {"x": 1, "y": 7}
 
 
+def test_signs_of_yaml_are_text_where_a_value_stands() -> None:
+    assert parse_yaml("{a: =, b: [=, <<]}") == {"a": "=", "b": ["=", "<<"]}
+
+
 @pytest.mark.parametrize(
     "number",
     [

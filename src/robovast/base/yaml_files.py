@@ -32,9 +32,15 @@ class YamlLoader(_SafeLoader):
         value: float = self.construct_yaml_int(node) if whole else self.construct_yaml_float(node)
         return value
 
+    def _sign(self, node: yaml.ScalarNode) -> str:
+        text: str = node.value
+        return text
+
 
 for _tag in ("int", "float"):
     YamlLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", YamlLoader._number)
+for _tag in ("value", "merge"):  # `=` and `<<` are text where a value stands
+    YamlLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", YamlLoader._sign)
 
 _FAULTS = (
     yaml.YAMLError,
