@@ -87,8 +87,8 @@ ESCAPES = {
     "pair": with_files(["../x", "/etc/passwd"]),
     "behind a link": with_files("d/keep"),
     "link": with_files("link"),
-    **{name: linked(name) for name in ("_jobs", "_transient", "_execution", ".running", ".aside")},
-    **{name: linked(name) for name in (".running/common", "one-2", "one-2/_config", "_config/x")},
+    **{name: linked(name) for name in ("_jobs", "_transient", "_execution", ".aside")},
+    **{name: linked(name) for name in ("one-2", "one-2/_config", "_config/x")},
 }
 
 
@@ -110,6 +110,14 @@ def test_continuing_leaves_everything_else_alone(
     assert (home / ".ssh" / "authorized_keys").read_text() == OWN
     assert sorted(path.name for path in home.iterdir()) == [".ssh", "results"]
     assert {path: path.read_bytes() for path in (campaign / "_config").rglob("*.*")} == inputs
+
+
+@pytest.mark.parametrize("name", [".running", ".running/common"])
+def test_links_in_another_machines_notes_stay_outside(
+    executed: Path, tmp_path: Path, name: str
+) -> None:
+    campaign = import_archive(packed(executed, tmp_path, linked(name)), tmp_path / "results")
+    assert not os.path.lexists(campaign / ".running")
 
 
 def test_an_archive_neither_brings_nor_removes_the_mark(executed: Path, tmp_path: Path) -> None:

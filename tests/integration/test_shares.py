@@ -21,7 +21,7 @@ from support.servers.shares import PASSWORD, USER, Gcs, webdav_process
 from robovast.base.errors import InputError, RobovastError, StorageError
 from robovast.storage.shares import gcs as gcs_module
 from robovast.storage.shares import sftp as sftp_module
-from robovast.storage.shares.campaigns import Share, download_from_share, open_share
+from robovast.storage.shares.campaigns import FETCHED, Share, download_from_share, open_share
 
 MIB = 2**20
 NAME = "my camp-2026-03-05-121530"
@@ -129,6 +129,22 @@ def test_what_is_here_is_not_fetched_again(share: Share, place: Place, tmp_path:
     assert fetched == [tmp_path / "home" / NAME]
 
 
+def test_an_archive_of_the_user_stays(share: Share, place: Place, tmp_path: Path) -> None:
+    put(share, archive(tmp_path, 1000))
+    home = tmp_path / "home"
+    home.mkdir()
+    (home / ARCHIVE).write_text("the user's own")
+    with pytest.raises(InputError, match=r"exists already\. Move it away"):
+        download_from_share(share, [], home, keep_archive=True)
+    assert [path.name for path in home.iterdir()] == [ARCHIVE]
+    download_from_share(share, [], home)
+    assert (home / ARCHIVE).read_text() == "the user's own"
+    assert {path.name for path in home.iterdir()} == {ARCHIVE, NAME}
+    download_from_share(share, [], home, force=True, keep_archive=True)
+    assert (home / ARCHIVE).read_bytes() == place.content(ARCHIVE)
+    assert {path.name for path in home.iterdir()} == {ARCHIVE, NAME}
+
+
 def test_an_archive_is_replaced_and_removed(share: Share, place: Place, tmp_path: Path) -> None:
     put(share, archive(tmp_path, 1000))
     path = archive(tmp_path, 2000)
@@ -178,7 +194,7 @@ def test_an_interrupted_download_is_resumed(share: Share, place: Place, tmp_path
 
     with pytest.raises(KeyboardInterrupt):
         download_from_share(share, [], tmp_path / "home", progress=interrupt)
-    (part,) = (tmp_path / "home").iterdir()
+    (part,) = (tmp_path / "home" / FETCHED).iterdir()
     here = part.stat().st_size
     assert 0 < here < 4 * MIB
     seen: list[int] = []

@@ -79,7 +79,7 @@ def appearing_file(target: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def appearing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
+def appearing_folder(target: Path) -> Iterator[Path]:
     """A new folder to fill; it gets its name when the context ends without error.
 
     Errors, including Ctrl-C and a full disk, leave nothing behind; leftovers of a killed program
@@ -87,16 +87,15 @@ def appearing_folder(target: Path, *, replace: bool = False) -> Iterator[Path]:
 
     Args:
         target: final path of the folder.
-        replace: replace an existing folder, at the very end.
 
     Raises:
         StorageError: the target exists, or the folder cannot be written.
     """
     with explained(target):
-        _refuse_taken(target, replace=replace)
+        _refuse_taken(target, replace=False)
         with scratch_folder(target) as part:
             yield part
-            put_in_place(part, target, replace=replace)
+            put_in_place(part, target)
 
 
 @contextmanager

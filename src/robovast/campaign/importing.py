@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from robovast.base import safe_paths
 from robovast.base.atomic import explained, put_in_place, scratch_folder
 from robovast.base.errors import InputError
 from robovast.base.printable import one_line
 from robovast.campaign.archive import refuse_links_out, unpack
 from robovast.campaign.imported import mark_imported
 from robovast.campaign.layout import Layout
+from robovast.campaign.places import OF_ONE_MACHINE
 from robovast.model.naming import holds_campaign
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")
@@ -39,6 +41,8 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
         campaign = _campaign_in(archive, whole)
         _check_names(archive, campaign)
         refuse_links_out(archive, links, campaign)
+        for own in OF_ONE_MACHINE:
+            safe_paths.remove(campaign / own, campaign)
         mark_imported(campaign)
         put_in_place(campaign, output / campaign.name, replace=force)
     return output / campaign.name

@@ -31,7 +31,14 @@ from robovast.campaign.layout import (
     is_variant,
     job_link_target,
 )
-from robovast.campaign.planned_runs import ADDED, MORE_RUNS, is_fixed
+from robovast.campaign.planned_runs import (
+    ADDED,
+    MORE_RUNS,
+    RUNS,
+    PlannedRuns,
+    is_fixed,
+    planned_runs,
+)
 from robovast.campaign.run_record import copy_run_record, read_run_record
 from robovast.campaign.verdict import read_test_result
 
@@ -59,15 +66,15 @@ class _Part:
     campaign: Layout
     name: str
     identifier: str | None
+    planned: int
+    """Runs that its campaign plans; 0 if it says nothing about that."""
 
     @property
     def path(self) -> str:
         return f"{self.campaign.root.name}/{self.name}"
 
 
-def merge_campaigns(
-    campaigns: Sequence[Path], target: Path, *, by_name: bool = False, replace: bool = False
-) -> MergeResult:
+def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
     """Copy the runs of several campaigns into a new one; the originals do not change.
 
     Files made from all runs together (metadata, provenance, tables) are not copied and must be
@@ -76,8 +83,6 @@ def merge_campaigns(
     Args:
         campaigns: their folders; `_config` and `_execution` are taken from the last.
         target: folder of the new campaign; it appears when it is complete.
-        by_name: they are parts of one campaign, in which each configuration has its own name.
-        replace: replace an existing folder, at the very end.
 
     Raises:
         InputError: there is nothing to merge, two campaigns have one name, or runs would occur
@@ -86,20 +91,24 @@ def merge_campaigns(
     """
     _check(campaigns)
     parts = [part for campaign in campaigns for part in _parts(Layout(campaign))]
-    merged = _named(_grouped(parts, by_name=by_name))
-    with appearing_folder(target, replace=replace) as folder:
+    merged = _named(_grouped(parts))
+    with appearing_folder(target) as folder:
         layout = Layout(folder)
-        _copy(Layout(campaigns[-1]).config, layout.config)
+        _copy_folder(Layout(campaigns[-1]).config, layout.config)
         for campaign in map(Layout, campaigns):
-            if os.path.isdir(campaign.jobs):
-                _copy(campaign.jobs, layout.job(campaign.root.name))
+            _copy_folder(campaign.jobs, layout.job(campaign.root.name))
         runs = _Runs(layout, target.name)
         for name, group in merged.items():
             first = group[0]
-            _copy(first.campaign.variant_config(first.name), layout.variant_config(name))
+            _copy_folder(first.campaign.variant_config(first.name), layout.variant_config(name))
             runs.copy(name, group)
+        if not runs.number:
+            raise InputError(
+                f"nothing to merge: {_names(campaigns)} contain no completed run. "
+                "Select campaigns with results by `--campaign`."
+            )
         _write_records(layout, [Layout(path) for path in campaigns], merged, runs)
-    unidentified = tuple(p.path for p in parts if p.identifier is None and not by_name)
+    unidentified = tuple(p.path for p in parts if p.identifier is None)
     return MergeResult(target, len(merged), runs.number, tuple(runs.left_out), unidentified)
 
 
@@ -110,8 +119,6 @@ def _check(campaigns: Sequence[Path]) -> None:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
         raise InputError(f"two of the campaigns are named {twice}; rename the folder of one.")
-    if not os.path.isdir(Layout(campaigns[-1]).config):
-        raise InputError(f"{campaigns[-1]} has no `_config` folder, so it cannot be merged.")
     _check_origins(campaigns)
     _check_runs(campaigns)
 
@@ -167,22 +174,20 @@ def _execution(campaign: Layout) -> dict[str, Any]:
 
 
 def _parts(layout: Layout) -> Iterator[_Part]:
+    plan = planned_runs(_execution(layout))
     for folder in sorted(layout.root.iterdir()):
-        if os.path.isdir(layout.variant_config(folder.name)) and is_variant(folder.name):
-            identity = read_mapping(folder / VARIANT_RECORD)
-            known = identity.get("config_identifier")
-            yield _Part(layout, folder.name, str(known) if isinstance(known, str | int) else None)
+        if not is_variant(folder.name) or not os.path.isdir(folder):
+            continue
+        if os.path.isdir(layout.variant_config(folder.name)) or layout.run_folders_of(folder.name):
+            known = read_mapping(folder / VARIANT_RECORD).get("config_identifier")
+            identifier = str(known) if isinstance(known, str | int) else None
+            yield _Part(layout, folder.name, identifier, plan.of(folder.name))
 
 
-def _grouped(parts: Sequence[_Part], *, by_name: bool) -> list[list[_Part]]:
+def _grouped(parts: Sequence[_Part]) -> list[list[_Part]]:
     groups: dict[tuple[str, str], list[_Part]] = {}  # no identifier is taken for a path
     for part in parts:
-        if by_name:
-            key = "name", part.name
-        elif part.identifier:
-            key = "identifier", part.identifier
-        else:
-            key = "path", part.path
+        key = ("identifier", part.identifier) if part.identifier else ("path", part.path)
         groups.setdefault(key, []).append(part)
     return list(groups.values())
 
@@ -205,8 +210,8 @@ class _Runs:
 
     def __init__(self, layout: Layout, campaign: str) -> None:
         self.number = 0
-        self.most = 0
-        """Largest number of runs of a configuration."""
+        self.planned: dict[str, int] = {}
+        """Runs that are planned of each configuration, or exist where none are planned."""
         self.left_out: list[str] = []
         self.jobs: dict[str, str] = {}
         """Job of each run, by `<configuration>/<run>`."""
@@ -216,8 +221,9 @@ class _Runs:
 
     def copy(self, name: str, group: Sequence[_Part]) -> None:
         """Copy all runs of a group of equal configurations."""
-        number = 0
+        number = planned = 0
         for part in group:
+            planned, before = planned + part.planned, number
             for source in part.campaign.run_folders_of(part.name):
                 record = read_run_record(source)
                 if not (record.finished if record else self._is_foreign(part.campaign)):
@@ -239,7 +245,8 @@ class _Runs:
                     )
                 number += 1
                 self.number += 1
-        self.most = max(self.most, number)
+            planned += max(0, number - before - part.planned)
+        self.planned[name] = planned
 
     def _is_foreign(self, campaign: Layout) -> bool:
         """Whether the campaign's tool writes no records, so that missing ones mean nothing."""
@@ -256,11 +263,23 @@ class _Runs:
         _, found, inside = link.readlink().as_posix().partition(f"{JOBS}/")
         if not found:
             return None
-        job = f"{campaign}/{inside}"
         link.unlink()
+        if ".." in inside.split("/"):
+            return None
+        job = f"{campaign}/{inside}"
         link.symlink_to(job_link_target(job))
         self.jobs[f"{run.parent.name}/{run.name}"] = job
         return job
+
+
+def _names(campaigns: Sequence[Path]) -> str:
+    return ", ".join(path.name for path in campaigns)
+
+
+def _copy_folder(source: Path, target: Path) -> None:
+    """Copy a folder that campaigns of other tools may not have."""
+    if os.path.isdir(source):
+        _copy(source, target)
 
 
 def _copy(source: Path, target: Path) -> None:
@@ -271,14 +290,17 @@ def _copy(source: Path, target: Path) -> None:
 def _write_records(
     layout: Layout, campaigns: Sequence[Layout], merged: dict[str, list[_Part]], runs: _Runs
 ) -> None:
+    each = min(runs.planned.values())
+    more = {name: number for name, number in runs.planned.items() if number > each}
+    added = not all(is_fixed(_execution(campaign)) for campaign in campaigns)
     execution = _execution(campaigns[-1])
-    execution.pop(MORE_RUNS, None)  # of names of one of them
-    if not all(is_fixed(_execution(campaign)) for campaign in campaigns):
-        execution[ADDED] = True
+    for key in (RUNS, MORE_RUNS, ADDED):
+        execution.pop(key, None)
+    execution |= PlannedRuns(each, more, added).record()
     merged_from = [origin for campaign in campaigns for origin in origins(campaign)]
     layout.execution.mkdir()
     layout.execution_record.write_text(
-        dump_yaml({**execution, "runs": runs.most, MERGED_FROM: merged_from}), encoding="utf-8"
+        dump_yaml({**execution, MERGED_FROM: merged_from}), encoding="utf-8"
     )
     if any(is_imported(campaign.root) for campaign in campaigns):
         mark_imported(layout.root)

@@ -21,8 +21,10 @@ ORIGIN = ".bucket"
 OMITTED = ".omitted"
 """File in a campaign's folder of the page's mirror that states why the campaign is not mirrored."""
 
-_OWN = frozenset({STAGE, ORIGIN, OMITTED, RUNNING, ASIDE, MARK})
-"""Folders that commands use internally, and partly remove."""
+OF_ONE_MACHINE = frozenset({STAGE, ORIGIN, OMITTED, RUNNING})
+"""What commands note in a campaign's folder about this machine; of others it means nothing."""
+_OWN = OF_ONE_MACHINE | {ASIDE, MARK}
+"""Names that commands use internally, and partly remove."""
 _RUN = re.compile(r"(?P<run>[^/_.][^/]*/(?:0|[1-9][0-9]{0,8}))/")
 
 

@@ -14,7 +14,7 @@ MORE_RUNS = "more_runs"
 """Key of the runs, in all, of configurations that were given more, by name."""
 
 ADDED = "runs_added"
-"""Key that is true once all configurations were given more runs than the campaign began with."""
+"""Key that is true once configurations were given more runs than the campaign began with."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class PlannedRuns:
     more: Mapping[str, int] = field(default_factory=dict)
     """In all, of those that have more, by name."""
     added: bool = False
-    """Whether every configuration has more than the campaign began with."""
+    """Whether configurations have more than the campaign began with."""
 
     def of(self, variant: str) -> int:
         """Runs of a configuration."""
@@ -39,7 +39,7 @@ class PlannedRuns:
             more = {name: n for name, n in self.more.items() if n > each}
             return PlannedRuns(each, more, self.added or each > self.each)
         further = {name: runs for name in chosen if runs > self.of(name)}
-        return replace(self, more={**self.more, **further})
+        return replace(self, more={**self.more, **further}, added=self.added or bool(further))
 
     def record(self) -> dict[str, Any]:
         """The entries of `_execution/execution.yaml`."""
@@ -60,8 +60,7 @@ def planned_runs(execution: Mapping[str, Any]) -> PlannedRuns:
 
 def is_fixed(execution: Mapping[str, Any]) -> bool:
     """Whether no runs were added; whoever adds runs has usually seen the verdicts of others."""
-    planned = planned_runs(execution)
-    return not planned.more and not planned.added
+    return not planned_runs(execution).added
 
 
 def _whole(value: Any) -> int:

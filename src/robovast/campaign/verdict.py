@@ -177,6 +177,8 @@ class _Report:
         self._root = ""
         self._bare = False
         """Whether the outermost element has no attributes."""
+        self._pytest = False
+        """Whether pytest wrote the report; its counters include subtests, which are no elements."""
         self._open: list[str] = []
         """Names of the open elements."""
         self._whole = _Suite()
@@ -201,6 +203,7 @@ class _Report:
         said = [(_plain(key), value) for key, value in attributes.items()]
         if not self._root:
             self._root, self._bare = name, not said
+            self._pytest = name == "testsuites" and ("name", "pytest tests") in said
         if name in _SUITES:
             self._start_suite(name, said)
         elif name == "testcase":
@@ -274,6 +277,8 @@ class _Report:
             self._end_suite(self._suites.pop())
 
     def _end_suite(self, suite: _Suite) -> None:
+        if self._pytest and suite.cases:
+            suite.cases = max(suite.cases, suite.said)
         catch2 = suite.cases > 0 and (suite.catch2 or suite.may_be_catch2)
         not_run = suite.not_run
         if not catch2 and not_run < max(suite.said_not_run, default=0):

@@ -13,7 +13,13 @@ from support.faults.killing import begin_dying, deaths
 from support.faults.small_disk import small_disk
 
 from robovast.base import atomic
-from robovast.base.atomic import appearing_file, appearing_folder, put_in_place, write_atomically
+from robovast.base.atomic import (
+    appearing_file,
+    appearing_folder,
+    put_in_place,
+    scratch_folder,
+    write_atomically,
+)
 from robovast.base.errors import StorageError
 from robovast.base.locks import exclusive_folder
 
@@ -31,8 +37,9 @@ def content(folder: Path) -> set[str]:
 def replace_a_folder(place: Path) -> None:
     fill(place / "it", "old")
     begin_dying()
-    with appearing_folder(place / "it", replace=True) as part:
+    with scratch_folder(place / "it") as part:
         fill(part, "new")
+        put_in_place(part, place / "it", replace=True)
 
 
 def test_a_killed_program_leaves_the_old_folder_or_the_new(tmp_path: Path) -> None:

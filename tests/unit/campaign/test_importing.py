@@ -271,6 +271,15 @@ def test_a_campaign_with_a_name_of_unfinished_work_is_refused(tmp_path: Path) ->
     assert list((tmp_path / "results").iterdir()) == []
 
 
+def test_notes_of_another_machine_are_dropped(tmp_path: Path) -> None:
+    """`.bucket` would let a page remove the campaign, `.running` would show it as running."""
+    notes = (".bucket", ".running", ".omitted/deep/x", ".download/x", ".aside/0/x")
+    archive = archive_of(tmp_path, *GOOD, *(member(f"{NAME}/{note}") for note in notes))
+    campaign = import_archive(archive, tmp_path / "results")
+    hidden = {path.name for path in campaign.iterdir() if path.name.startswith(".")}
+    assert hidden == {".imported", ".aside"}
+
+
 @pytest.mark.parametrize("name", ["x\x1b[2J", "x\nall passed", "x\u202e", "x\x9b31m"])
 def test_a_name_that_terminals_obey_is_refused_and_shown_safely(tmp_path: Path, name: str) -> None:
     for place in (f"{name}/_config/x.vast", f"{NAME}/{name}/0/test.xml"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -26,6 +28,34 @@ def test_the_report_of_a_tool_has_its_verdict(name: str, verdict: str) -> None:
 def result_of(folder: Path, text: str):
     (folder / "test.xml").write_text(text)
     return read_test_result(folder)
+
+
+SUBTESTS = """
+import pytest
+
+def test_each(subtests):
+    for step in {steps}:
+        with subtests.test(step=step):
+            if step == "skip":
+                pytest.skip("not here")
+            assert step == "pass"
+"""
+
+
+@pytest.mark.parametrize(
+    ("steps", "verdict"),
+    [
+        (["pass"] * 10, Verdict.PASSED),
+        (["pass", "skip", "skip", "pass"], Verdict.PASSED),
+        (["pass", "fail", "pass"], Verdict.FAILED),
+        (["fail", "skip"], Verdict.FAILED),
+    ],
+)
+def test_subtests_of_pytest_count(tmp_path: Path, steps: list[str], verdict: Verdict) -> None:
+    (tmp_path / "test_steps.py").write_text(SUBTESTS.format(steps=steps))
+    command = [sys.executable, "-m", "pytest", "--junit-xml=test.xml", "-p", "no:cacheprovider"]
+    subprocess.run(command, cwd=tmp_path, check=False, capture_output=True, timeout=60)
+    assert read_test_result(tmp_path).verdict is verdict
 
 
 CATCH2_RUN = (

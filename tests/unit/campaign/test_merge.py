@@ -15,6 +15,7 @@ from support.faults.small_disk import small_disk
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.finding import find_campaigns
 from robovast.campaign.merge import merge_campaigns
+from robovast.campaign.planned_runs import planned_runs
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.campaign.verdict import Verdict
 
@@ -103,28 +104,21 @@ def test_no_identifier_of_others_takes_in_a_configuration_without_one(
         assert (result.target / name / "1" / "out.csv").read_text() == f"{origin} {name} 1"
 
 
-def test_of_parts_of_one_campaign_each_configuration_stays_one(tmp_path: Path) -> None:
-    """Two configurations of a document may differ in nothing but their name."""
-    first = make_campaign(tmp_path, FIRST, {"slow": "A", "old": None}, 2)
-    second = make_campaign(tmp_path, SECOND, {"slow-too": "A"}, 2)
-    result = merge_campaigns([first, second], tmp_path / "merged", by_name=True)
-    assert (result.configurations, result.runs, result.unidentified) == (3, 6, ())
-    runs = {f"{p.parent.parent.name}/{p.parent.name}" for p in result.target.glob("*/*/out*")}
-    assert runs == {f"{name}/{n}" for name in ("old", "slow", "slow-too") for n in (0, 1)}
-    for name, origin in (("slow", FIRST), ("slow-too", SECOND)):
-        assert (result.target / name / "1" / "out.csv").read_text() == f"{origin} {name} 1"
-
-
 def test_that_runs_were_added_to_one_of_them_stays_known(tmp_path: Path) -> None:
-    for number, added in enumerate(("", "runs_added: true\n", "more_runs: {hall: 3}\n")):
+    for number, added in enumerate(
+        ("", "runs_added: true\n", "more_runs: {hall: 3}\nruns_added: true\n")
+    ):
         results = tmp_path / str(number)
         first = make_campaign(results, FIRST, {"hall": "1"}, 2)
-        (first / "_execution/execution.yaml").write_text(f"runs: 2\n{added}")
+        (first / "_execution/execution.yaml").write_text(
+            yaml.safe_dump({"runs": 2, **(yaml.safe_load(added) or {})})
+        )
         merged = merge_campaigns(
             [first, make_campaign(results, SECOND, {"hall": "1"}, 2)], results / "m"
         )
         record = yaml.safe_load((merged.target / "_execution/execution.yaml").read_text())
-        assert (record["runs"], record.get("runs_added")) == (4, True if added else None)
+        assert record["runs"] == (5 if "more" in added else 4)
+        assert record.get("runs_added") == (True if added else None)
 
 
 def test_a_merged_run_is_a_run_of_the_new_campaign(tmp_path: Path) -> None:
@@ -181,6 +175,48 @@ def test_results_of_others_merge_too(tmp_path: Path) -> None:
     result = merge_campaigns([first, second], tmp_path / "merged")
     assert result.runs == 4
     assert not list(result.target.glob("one/*/run.json"))
+
+
+def test_each_configuration_is_planned_as_before(tmp_path: Path) -> None:
+    """What was finished is finished; of what was not, as many runs are missing as before."""
+    first = make_campaign(tmp_path, FIRST, {"one": "A", "two": "B"}, 2)
+    second = make_campaign(tmp_path, SECOND, {"other": "A", "three": "C"}, 3)
+    run_record(SECOND, "three", 2, Verdict.INTERRUPTED).write(second / "three" / "2")
+    merged = merge_campaigns([first, second], tmp_path / "merged").target
+    plan = planned_runs(yaml.safe_load((merged / "_execution/execution.yaml").read_text()))
+    missing = {
+        name: plan.of(name) - len(list((merged / name).glob("*/run.json")))
+        for name in ("one", "two", "three")
+    }
+    assert missing == {"one": 0, "two": 0, "three": 1}
+    assert not plan.added
+
+
+def test_campaigns_that_are_folders_of_reports_merge(tmp_path: Path) -> None:
+    for name, variants in ((FIRST, ("pick", "place")), (SECOND, ("pick",))):
+        for variant in variants:
+            (tmp_path / name / variant / "0").mkdir(parents=True)
+            (tmp_path / name / variant / "0" / "test.xml").write_text(f"<{variant}/>")
+    result = merge_campaigns([tmp_path / FIRST, tmp_path / SECOND], tmp_path / "merged")
+    assert result.runs == 3
+    found = sorted(path.read_text() for path in result.target.glob("*/0/test.xml"))
+    assert found == ["<pick/>", "<pick/>", "<place/>"]
+
+
+def test_a_link_out_of_the_jobs_is_dropped(tmp_path: Path) -> None:
+    first = make_campaign(tmp_path, FIRST, {"one": "A"}, 1)
+    link = first / "one" / "0" / "job"
+    link.unlink()
+    link.symlink_to("../../_jobs/../../../secret")
+    merged = merge_campaigns([first], tmp_path / "merged").target
+    assert not (merged / "one" / "0" / "job").is_symlink()
+
+
+def test_campaigns_without_runs_are_refused(tmp_path: Path) -> None:
+    first = make_campaign(tmp_path, FIRST, {"one": "A"}, 0)
+    with pytest.raises(InputError, match=f"nothing to merge: {FIRST} contain"):
+        merge_campaigns([first], tmp_path / "merged")
+    assert [path.name for path in tmp_path.iterdir()] == [FIRST]
 
 
 def test_nothing_is_merged_into_what_is_there(tmp_path: Path) -> None:

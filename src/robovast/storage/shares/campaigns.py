@@ -6,7 +6,7 @@ import fnmatch
 import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,8 @@ from robovast.storage.shares.base import BaseShareProvider, check_variables
 GROUP = "robovast.share_providers"
 SHARE_TYPE = "ROBOVAST_SHARE_TYPE"
 SUFFIX = ".tar.gz"
+FETCHED = ".from-share"
+"""Folder next to the campaigns that holds archives until their campaigns are complete."""
 _GLOB = frozenset("*?[")
 
 _log = logging.getLogger(__name__)
@@ -197,7 +199,8 @@ def download_from_share(
         Folders of downloaded campaigns, and of those that existed already.
 
     Raises:
-        InputError: a campaign is not on the share, or its archive is damaged or unsafe.
+        InputError: a campaign is not on the share, its archive is damaged or unsafe, or an
+            archive that is to be kept would replace another file.
         StorageError: a campaign cannot be downloaded or written.
     """
     fetched, present = [], []
@@ -219,14 +222,27 @@ def _bring(
     keep_archive: bool,
     progress: Callable[[str, int, int], None],
 ) -> Path:
-    archive = output / campaign.archive
-    output.mkdir(parents=True, exist_ok=True)
-    share.fetch(campaign, archive, partial(progress, campaign.name))
+    kept = output / campaign.archive
+    if keep_archive and not force and os.path.lexists(kept):
+        raise InputError(
+            f"{kept}: exists already. Move it away, or replace it with `--force`. Without "
+            "`--keep-archive`, it stays as it is."
+        )
+    own = output / FETCHED
+    own.mkdir(parents=True, exist_ok=True)
+    archive = own / campaign.archive
     try:
-        return import_archive(archive, output, force=force)
+        share.fetch(campaign, archive, partial(progress, campaign.name))
+        try:
+            return import_archive(archive, output, force=force)
+        finally:
+            if keep_archive:
+                put_in_place(archive, kept)
+            else:
+                archive.unlink()
     finally:
-        if not keep_archive:
-            archive.unlink()
+        with suppress(OSError):  # it may have parts of archives, to be resumed
+            own.rmdir()
 
 
 def load_provider(kind: str, folder: Path) -> BaseShareProvider:
