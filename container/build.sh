@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # Build RoboVAST's run images, and push them when asked to.
 #
-#   container/build.sh [--push] [--slim|--full|--agent] [--core] [--base IMAGE] [--tag TAG] [-- BUILD-OPTION...]
+#   container/build.sh [--push | --release] [--slim|--full|--agent] [--core] [--base IMAGE] [--tag TAG] [-- BUILD-OPTION...]
 #
 #   --push        push every image that was built
+#   --release     push every image for amd64 and arm64, with SBOM and provenance; metadata-*.json gets the digests
 #   --slim        only the image without ROS (container/slim)
 #   --full        only the image with ROS 2 Jazzy (container/robovast)
 #   --agent       only the image of the operator and of our containers beside runs (container/agent)
@@ -24,6 +25,7 @@ usage() {
 docker=${DOCKER:-docker}
 repository=${ROBOVAST_REGISTRY:-localhost:5000}/robovast
 push=false
+release=false
 tag=latest
 lock=agent
 kinds=(robovast slim agent)
@@ -32,6 +34,7 @@ options=()
 while [ $# -gt 0 ]; do
     case $1 in
         --push) push=true ;;
+        --release) release=true ;;
         --slim) kinds=(slim) ;;
         --full) kinds=(robovast) ;;
         --agent) kinds=(agent) ;;
@@ -51,7 +54,7 @@ done
 # The agent's image has this RoboVAST inside.
 add_wheel() {
     cp "../requirements/$lock.txt" agent/requirements.txt
-    rm -f agent/robovast-*.whl
+    rm -f agent/robovast_operator-*.whl
     if command -v uv >/dev/null; then
         uv build --quiet --wheel --out-dir agent ..
     else
@@ -59,11 +62,27 @@ add_wheel() {
     fi
 }
 
+# What the image is and where it comes from, as registries show it.
+labels() { # TITLE
+    printf -- '--label\norg.opencontainers.image.%s\n' "title=$1" "version=$tag" licenses=Apache-2.0 \
+        source=https://github.com/robovast/robovast
+    local revision
+    if revision=$(git rev-parse HEAD 2>/dev/null); then
+        printf -- '--label\norg.opencontainers.image.revision=%s\n' "$revision"
+    fi
+}
+
 for kind in "${kinds[@]}"; do
     image=$repository:$tag
     [ "$kind" = robovast ] || image=$image-$kind
     [ "$kind" != agent ] || add_wheel
-    "$docker" build "${options[@]}" --tag "$image" "$kind"
+    mapfile -t labels < <(labels "RoboVAST $kind")
+    build=(build)
+    if [ "$release" = true ]; then
+        build=(buildx build "--platform=linux/amd64,linux/arm64" --sbom=true --provenance=mode=max --push
+            --metadata-file "metadata-$kind.json")
+    fi
+    "$docker" "${build[@]}" "${labels[@]}" "${options[@]}" --tag "$image" "$kind"
     if [ "$push" = true ]; then
         "$docker" push "$image"
     fi

@@ -11,8 +11,9 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from robovast.base.printable import PrintableFormatter
+from robovast_cli import other_project
 from robovast_cli.lazy import Lazy, add_lazy, new_app, paths_of
-from robovast_cli.ui.report import errors_reported
+from robovast_cli.ui.report import errors_reported, tell
 from robovast_cli.ui.usage import normalize_paths, usage_explained
 from robovast_cli.workspace import Workspace, set_log_level
 
@@ -158,4 +159,6 @@ def command() -> Any:
 
 def main() -> None:
     """Run `vast` with the arguments of the process; exits with a code of `ExitCode`."""
+    if found := other_project.warning():
+        tell(found)
     command()(prog_name="vast")

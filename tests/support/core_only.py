@@ -14,14 +14,17 @@ _CORE = re.compile(r"^([\w.-]+)==", re.MULTILINE)
 
 
 def core_site(folder: Path) -> Path:
-    """Fill a folder of packages with what `pip install robovast` installs: the locked core."""
+    """Fill a folder of packages with the locked core, as `pip install` does."""
     folder.mkdir()
     for source in ("src", "cli"):
         for package in (ROOT / source).iterdir():
             if package.is_dir():
                 (folder / package.name).symlink_to(package)
     names = _CORE.findall((ROOT / "requirements/run.txt").read_text())
-    for name in [*(name for name in names if name != "colorama"), "robovast"]:  # Windows only
+    for name in [
+        *(name for name in names if name != "colorama"),
+        "robovast-operator",
+    ]:  # Windows only
         for file in distribution(name).files or ():
             top = file.parts[0]
             if top not in ("..", "__pycache__") and not (folder / top).exists():

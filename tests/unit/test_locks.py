@@ -25,5 +25,12 @@ def test_nothing_beside_a_lock_is_resolved(path: Path) -> None:
 
 def test_all_installers_are_known() -> None:
     assert [path.name for path in INSTALLERS] == [
-        *("ros-environment", "setup", "Dockerfile", "Dockerfile", "process_environment.py")
+        *(
+            "release",
+            "ros-environment",
+            "setup",
+            "Dockerfile",
+            "Dockerfile",
+            "process_environment.py",
+        )
     ]

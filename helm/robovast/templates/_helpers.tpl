@@ -27,6 +27,37 @@ http://robovast-s3.{{ .Release.Namespace }}.svc:9000
 {{- concat (list .Release.Namespace) .Values.operator.namespaces .Values.storage.credentials.namespaces | uniq | toJson }}
 {{- end }}
 
+{{- /* A namespace in which the operator works. */ -}}
+{{- define "robovast.home" -}}
+{{ .Values.operator.namespaces | default (list .Release.Namespace) | first }}
+{{- end }}
+
+{{- /* The `spec` of a small campaign: two variants of a scenario that logs a word. */ -}}
+{{- define "robovast.example" -}}
+{{- if .Values.kueue.enabled -}}
+queueName: {{ .Values.kueue.queueName }}
+{{ end -}}
+vast:
+  version: 1
+  configuration:
+    - name: greeting
+      variations:
+        - ParameterVariationList: {name: text, values: [hello, world]}
+  execution:
+    image: {{ .Values.example.image }}
+    scenario_file: scenario.osc
+source:
+  inline:
+    files:
+      scenario.osc: |
+        import osc.helpers
+
+        scenario say:
+            text: string = "nothing"
+            do serial:
+                log(text)
+{{- end }}
+
 {{- /* What all of the chart's pods share, Pod Security `restricted` included. */ -}}
 {{- define "robovast.pod" -}}
 enableServiceLinks: false

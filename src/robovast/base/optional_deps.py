@@ -51,9 +51,11 @@ class Extra:
 
     def missing(self, package: str, what: str) -> CannotRunError:
         """Return the error about a package of the extra that is not installed."""
+        from robovast.base.installation import install_command
+
         return CannotRunError(
             f"{what} needs the extra `{self.name}` ({package} is not installed): "
-            f"pip install 'robovast[{self.name}]'."
+            f"{install_command(self.name)}"
         )
 
 
