@@ -97,7 +97,7 @@ def _of_texts(document: Document) -> Iterator[Problem]:
         (path, first), more = next(iter(values.items())), len(values) - 1
         stay = "stays" if not more else f"and {more} more value{'s' * (more > 1)} stay"
         prefix = "" if name in path else f"{name}: "
-        message = f"{prefix}{first!r} {stay} text, as the scenario declares; there YAML decides"
+        message = f"{prefix}{first!r} {stay} text; there YAML decides"
         yield document.source.problem(path, message)
 
 

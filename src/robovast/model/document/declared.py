@@ -1,8 +1,9 @@
-"""Gives the parameters in a .vast document the types that its scenario declares.
+"""Gives values in a .vast document the types that they are meant to have.
 
 YAML guesses types: it reads `12:30` as 750, `no` as false and `1.10` as 1.1. A parameter that the
 scenario declares as `string` keeps the text of the file, and text is a number where a number is
-declared. Parameters of unknown types keep what YAML reads.
+declared. Parameters of unknown types keep what YAML reads. Environment variables and metadata have
+no types: they keep the text of the file wherever YAML would change it.
 """
 
 from __future__ import annotations
@@ -27,11 +28,12 @@ def apply_types(source: Source, scenario: Scenario | None = None) -> list[tuple[
         scenario: declares the types; by default the one that the document names, if it can be read.
 
     Returns:
-        Path of each value, and of each replaced part of one, with the parameter's name.
+        Path of each value of a parameter, and of each replaced part of a value, with its name.
     """
+    kept = [*_keep_spelling(source, ("execution", "env")), *_keep_spelling(source, ("metadata",))]
     scenario = scenario or _scenario(source)
     if scenario is None:
-        return []
+        return kept
     typing = _Typing(source, scenario)
     for path in (("execution", "local", "parameter_overrides"), ("search", "parameters")):
         typing.pairs(path)
@@ -40,7 +42,18 @@ def apply_types(source: Source, scenario: Scenario | None = None) -> list[tuple[
         typing.variations(("configuration", index, "variations"))
     typing.variations(("search", "variations"))
     typing.search_space(("search", "search_space"))
-    return typing.seen
+    return kept + typing.seen
+
+
+def _keep_spelling(source: Source, path: KeyPath) -> Iterator[tuple[KeyPath, str]]:
+    """Replace the values at a path by their text where YAML would write them in another way."""
+    value, text = source.at(path), source.text(path)
+    for part in _keys(value) or _places(value):
+        yield from _keep_spelling(source, (*path, part))
+    plain = str(value).lower() if isinstance(value, bool) else str(value)
+    if text is not None and value is not None and text != plain:
+        source.replace(path, text)
+        yield path, str(path[-1])
 
 
 def _scenario(source: Source) -> Scenario | None:

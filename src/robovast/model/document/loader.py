@@ -15,6 +15,7 @@ from robovast.model.document.declared import apply_types
 from robovast.model.document.execution import Execution
 from robovast.model.document.ignored import without_ignored
 from robovast.model.document.model import ConfigurationEntry, Vast
+from robovast.model.document.other_format import problem_of
 from robovast.model.document.parts import Parts
 from robovast.model.document.problems import problems_of
 from robovast.model.document.search.section import Search
@@ -74,6 +75,8 @@ def check_source(source: Source, *, search: bool = True) -> Document:
         raise DocumentError(
             [source.problem((), f"a .vast file is a mapping of sections; this one is {found}")]
         )
+    if found_format := problem_of(source):
+        raise DocumentError([found_format])
     data, warnings = without_ignored(source)
     vast, problems = _validate(Vast, data, source, ())
     path = source.file.absolute()

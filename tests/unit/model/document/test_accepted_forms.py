@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robovast.base.errors import DocumentError
+from robovast.base.serialization import dump_yaml
 from robovast.model.document import load_document
 from robovast.model.document.files import match_run_files
 from robovast.model.document.loader import Document
@@ -57,6 +62,25 @@ def test_one_item_may_hold_several_pairs(folder: Path) -> None:
     assert expand(document, folder)[0].parameters == {"label": "k", "speed": 2.0}
     assert document.vast.execution.env == [{"A": "1"}, {"B": "x"}]
     assert not document.warnings
+
+
+SPELLINGS = st.one_of(
+    st.sampled_from(["no", "True", "12:30", "007", "1_000", "2024-13-45", "1.10", ".inf", "0x1F"]),
+    st.from_regex(r"[-+]?[0-9]{1,12}(\.[0-9]{0,6}|[_:][0-9]{1,2}|e[0-9]{1,4})?", fullmatch=True),
+)
+
+
+@given(SPELLINGS)
+def test_environment_and_metadata_keep_the_spelling(spelling: str) -> None:
+    text = f"metadata: {{build: {spelling}, tags: [{spelling}]}}\n" + execution(
+        f"  env: [{{BUILD: {spelling}}}]\n"
+    )
+    with TemporaryDirectory() as folder:
+        (Path(folder) / "a.osc").write_text(SCENARIO)
+        vast = load(Path(folder), text).vast
+    assert vast.execution.env == [{"BUILD": spelling}]
+    written = yaml.safe_load(dump_yaml(vast.metadata))
+    assert str(written["build"]) == str(written["tags"][0]) == spelling
 
 
 @pytest.mark.parametrize(
