@@ -10,7 +10,7 @@ from support.core_only import ROOT
 from support.fuzzing.listed import COVERED, TRUSTED, parsing_modules
 from support.fuzzing.readers import READERS
 
-SECONDS = 60
+SECONDS = 20
 SEED = 20261125
 
 

@@ -127,6 +127,7 @@ TRUSTED: dict[str, tuple[str, ...]] = {
         *("analysis/publication/zenodo", "analysis/tables/listed_runs", "storage/download"),
         *("storage/http_client", "storage/shares/gcs"),
     ),
+    "what pip wrote when it installed this package": ("base/installation",),
     "what the user types, or a file that they name": (
         *("commands/results/search", "commands/exec/cluster/setup"),
         "evaluation/server/launches",

@@ -30,6 +30,10 @@ class Program:
     package: str = "."
     ldflags: str = ""
     tags: str = ""
+    registry: str = ""
+    """Go file that imports plugins, one a line, and does nothing else."""
+    plugins: tuple[str, ...] = ()
+    """Names of the plugins that stay in it. The build takes less time without the others."""
 
 
 def build(program: Program) -> Path:
@@ -44,10 +48,26 @@ def build(program: Program) -> Path:
             copy = Path(scratch) / "module"
             shutil.copytree(source(program.module, program.version), copy)
             run(["chmod", "-R", "u+w", copy])
+            if program.registry:
+                leave_out(copy / program.registry, program.plugins)
             output, flags = folder / program.name, (QUICK, program.ldflags, program.tags)
             _compile(copy, program.package, output, *flags)
 
-    return cache.once(f"go/{program.name}-{program.version}", make) / program.name
+    key = "+".join((f"go/{program.name}-{program.version}", *program.plugins))
+    return cache.once(key, make) / program.name
+
+
+def leave_out(registry: Path, kept: tuple[str, ...]) -> None:
+    """Remove the imports of all plugins but some.
+
+    :raises Unavailable: if one of those is not imported.
+    """
+    lines = registry.read_text().splitlines(keepends=True)
+    named = {line.rstrip('"\n').rpartition("/")[2]: line for line in lines if '"' in line}
+    if missing := set(kept) - named.keys():
+        raise Unavailable(f"{registry.name} imports no plugin {', '.join(sorted(missing))}")
+    gone = {line for plugin, line in named.items() if plugin not in kept}
+    registry.write_text("".join(line for line in lines if line not in gone))
 
 
 def build_own(name: str, ldflags: str = "", tags: str = "", modfile: str = "") -> Path:
@@ -55,8 +75,7 @@ def build_own(name: str, ldflags: str = "", tags: str = "", modfile: str = "") -
     folder = OWN_SOURCES / name
 
     def make(target: Path) -> None:
-        compiler = QUICK if modfile else FAST
-        _compile(folder, ".", target / name, compiler, ldflags, tags, modfile)
+        _compile(folder, ".", target / name, FAST, ldflags, tags, modfile)
 
     key = f"go/{name}-{cache.digest([folder], ldflags, tags, modfile)}"
     return cache.once(key, make) / name

@@ -31,7 +31,13 @@ CONTAINERD = tuple(
     )
     for name in ("containerd", "containerd-shim-runc-v2", "ctr")
 )
-COREDNS = Program("coredns", "github.com/coredns/coredns", "v1.14.7")
+COREDNS = Program(
+    name="coredns",
+    module="github.com/coredns/coredns",
+    version="v1.14.7",
+    registry="core/plugin/zplugin.go",
+    plugins=("cache", "errors", "kubernetes", "ready"),  # what manifests/coredns.yaml configures
+)
 HELM = Program("helm", "helm.sh/helm/v3", "v3.22.0", "./cmd/helm")
 KUEUE = Program("kueue", "sigs.k8s.io/kueue", "v0.16.1", "./cmd/kueue")
 KWOK = Program("kwok", "sigs.k8s.io/kwok", "v0.8.0", "./cmd/kwok")
