@@ -31,6 +31,7 @@ from robovast.evaluation.summaries import (
     decision_of,
 )
 from robovast.evaluation.untrusted import read_yaml
+from robovast.model.naming import CONFIG
 
 SETTLED = 2.0
 """Folders changed more recently may change again within the same time stamp [s]."""
@@ -117,14 +118,16 @@ class CampaignIndex:
         self.reading = None
 
     def _look(self, entry: os.DirEntry[str]) -> _Known | None:
-        """A variant, read again if its folder has changed; None if it cannot be read."""
+        """A configuration, read again if its folder has changed; None for any other folder."""
         try:
             changed = entry.stat(follow_symlinks=False).st_mtime_ns
             known = self._known.get(entry.name)
-            if known is not None and known.settled and known.changed == changed:
+            if known and known.settled and known.changed == changed:
                 return known
             settled = time.time() - changed / 1e9 > SETTLED
-            return _Known(changed, settled, read_variant(self.results, self.name, entry.name))
+            variant = read_variant(self.results, self.name, entry.name)
+            own = variant.runs or os.path.isdir(f"{entry.path}/{CONFIG}")
+            return _Known(changed, settled, variant) if own else None
         except OSError:  # it was removed, or access is denied
             return None
 

@@ -266,9 +266,18 @@ def test_a_test_ends_the_runs_of_a_configuration(root: Path) -> None:
     assert (index.summary().planned, index.summary().test) == (14, None)
 
 
+def test_a_folder_without_runs_and_inputs_is_no_configuration(
+    root: Path, index: CampaignIndex
+) -> None:
+    before = index.summary()
+    write(root / "maps" / "hall.yaml", "image: hall.pgm\n")
+    index.refresh()
+    assert index.summary() == before
+
+
 def test_names_that_a_page_cannot_show_are_left_out(root: Path) -> None:
     os.mkdir(os.fsencode(root) + b"/broken\xff")
-    (root / "\u00b2-\u0663").mkdir()
+    (root / "\u00b2-\u0663" / "_config").mkdir(parents=True)
     index = CampaignIndex(root.parent, NAME)
     index.refresh()
     assert {variant.name for variant in index.variants} == {"hall-1", "hall-2", "\u00b2-\u0663"}

@@ -58,8 +58,11 @@ def test_as_many_more_runs_decide_it_as_are_said() -> None:
 
 
 def test_who_adds_runs_to_a_finished_campaign_has_looked_before() -> None:
-    for how in ({"runs": 5, "more_runs": {"few": 9}}, {"runs": 9, "runs_added": True}):
-        added = replace(summary(), execution=how)
+    for how in (
+        {"runs": 5, "more_runs": {"few": 9}, "runs_added": True},
+        {"runs": 9, "runs_added": True},
+    ):
+        added = replace(summary(), execution={**how, "runs_added": True})
         assert campaign_rates(added, [variant("few", 9, 0)]).method == "anytime"
         assert why_wider(added).startswith("Runs were added after a look at the verdicts, so all")
     assert why_wider(summary()) == ""

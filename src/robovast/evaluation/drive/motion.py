@@ -28,6 +28,8 @@ UNDECODABLE = (
     KeyError,
     AttributeError,
     OverflowError,
+    TypeError,
+    RecursionError,
     MemoryError,
 )
 MOST_RAYS = 360
