@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from pathlib import Path
+
+from robovast import __version__
 
 _ROOT = Path(__file__).parents[1]
 
 project = "RoboVAST"
 author = "The RoboVAST developers"
 copyright = author  # noqa: A001
-release = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
-    "version"
-]
+release = __version__
 version = release
 
 extensions = [
