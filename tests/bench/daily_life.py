@@ -1,14 +1,13 @@
 #!/usr/bin/env python3
 """What people do all day on a cluster that they share, on a real node.
 
-    python tests/bench/daily_life.py [--only logs,assets,division,events,replacement]
+    python tests/bench/daily_life.py [--only logs,assets,events,replacement]
 
 Brings up a real node with RoboVAST installed by its chart. Prints
 
 - how long `vast exec cluster logs` takes for a run that is executed and for one that is stored, and
   how late a line is shown that is followed, beside `kubectl logs` of the same container;
 - how long a campaign takes whose runs read 64 MB each from a claim, and from its own `run_files`;
-- what it costs to divide a campaign among two contexts, and to bring its results home as one;
 - how many Events a campaign with many failed runs has, and how long `kubectl describe` is;
 - how long the operator is replaced for while campaigns of both API versions are executed, and
   whether any run was executed again.
@@ -38,7 +37,6 @@ from support.kube.lab import (  # noqa: E402
     Lab,
     bench_lab,
     fill_claim,
-    in_two_contexts,
 )
 from support.patience import eventually  # noqa: E402
 
@@ -124,25 +122,6 @@ def assets(lab: Lab, pods: int = 10) -> None:
     print(f"from run_files: {execute(lab, copied, *where):.1f} s", flush=True)
 
 
-def division(lab: Lab, runs: int = 40) -> None:
-    path = make_campaign(lab.folder / "parts", "sleep 2\n", "", document(runs))
-    where = ("-n", lab.namespace, "--parallelism", "5")
-    whole = execute(lab, path, *where)
-    (name,) = (found["metadata"]["name"] for found in lab.get("campaigns")["items"])
-    words = ("results", "download", "-i", name, "-o", "whole", "-n", lab.namespace)
-    home = timed(lambda: lab.vast(*words))
-    print(f"{runs} runs of 2 s, 5 at once: {whole:.1f} s, brought home in {home:.1f} s")
-    with in_two_contexts(lab) as two:
-        begin = time.perf_counter()
-        run = ("-V", path, "exec", "cluster", "run", "--image", images.SLIM, "--parallelism", "5")
-        told = two.vast(*run, "-x", "a", "-x", "b").stdout
-        divided = time.perf_counter() - begin
-        name = re.findall(r"-i (\S+) --context a --context b", told)[0]
-        words = ("results", "download", "-i", name, "-o", "parts-home", "-x", "a", "-x", "b")
-        home = timed(lambda: two.vast(*words))
-    print(f"… divided among two: {divided:.1f} s, brought home as one in {home:.1f} s", flush=True)
-
-
 def events(lab: Lab, runs: int = 600) -> None:
     script = "exit $(($1 % 3 == 0))\n"
     path = make_campaign(lab.folder / "sour", script, "  runs_per_job: 100\n", document(runs))
@@ -183,7 +162,7 @@ def _stored(lab: Lab, name: str) -> int:
     return int(lab.campaign(name).get("status", {}).get("runs", {}).get("stored", 0))
 
 
-PARTS = {part.__name__: part for part in (logs, assets, division, events, replacement)}
+PARTS = {part.__name__: part for part in (logs, assets, events, replacement)}
 
 
 def main() -> None:

@@ -34,13 +34,11 @@ from support.gauntlet.entrants import Deed, Entrant  # noqa: E402
 from support.gauntlet.faults import FAULTS, Arena  # noqa: E402
 from support.gauntlet.jury import executions, judge  # noqa: E402
 from support.gauntlet.play import Gauntlet  # noqa: E402
-from support.gauntlet.verdict import Fault, Violation, crowded  # noqa: E402
+from support.gauntlet.verdict import Fault, Violation  # noqa: E402
 from support.gauntlet.watch import Watch  # noqa: E402
 from support.kube.lab import EMBEDDED, SYSTEM, Lab, install, make_lab  # noqa: E402
 
 NAMESPACES = ("north", "south")
-LIMITS = {"north": 3}
-"""Most pods of runs at a time, by namespace."""
 NODE_DISK = "/var/lib/kubelet"
 LOGS = "/var/log/pods"
 KEPT = "pods"
@@ -61,8 +59,7 @@ def arena(folder: Path) -> Iterator[tuple[Arena, list[Lab], Path]]:
             add_disk(own, cluster.folder / "volumes" / str(index), "600m")
         add_disk(own, NODE_DISK, "600m")
         node.start(cluster, [images.archive()])
-        limits = {f"operator.podLimits.{name}": str(most) for name, most in LIMITS.items()}
-        install(cluster, EMBEDDED | limits)
+        install(cluster, EMBEDDED)
         cluster.kubectl(
             *("--namespace", SYSTEM, "scale", "deployment/robovast-page", "--replicas=0")
         )
@@ -98,7 +95,6 @@ def report(
     entrants: Sequence[Entrant],
     faults: Counter[str],
     executed: int,
-    most: Counter[str],
     violations: Sequence[Violation],
 ) -> None:
     deeds = Counter(deed for entrant in entrants for deed in entrant.done)
@@ -111,7 +107,6 @@ def report(
     for name in FAULTS:
         print(f"  {faults[name]:4} {name}")
     print("deeds " + ", ".join(f"{deeds[deed]} {deed}" for deed in Deed))
-    print("pods at once at most: " + ", ".join(f"{n} in {name}" for name, n in most.items()))
     for violation in violations:
         print(violation)
     for fault in Fault:
@@ -149,9 +144,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         executed, violations = executions(gauntlet.entrants, watch, trace)
         for entrant in gauntlet.entrants:
             violations += judge(entrant, where, home)
-        violations += crowded(gauntlet.most, LIMITS)
         violations = list(dict.fromkeys(violations))  # two readers may tell the same
-        report(gauntlet.entrants, faults, executed, gauntlet.most, violations)
+        report(gauntlet.entrants, faults, executed, violations)
         if violations and options.evidence:
             keep_evidence(where, home, trace, options.evidence)
     return 1 if violations else 0

@@ -224,7 +224,10 @@ class Heat:
         records = sorted(campaign.glob("one-*/*/run.json"))
         if records:
             record = self._dice.choice(records)
-            record.write_text(self._dice.choice(SPOILED))
+            with record.open("w") as out:
+                out.write(self._dice.choice(SPOILED))
+                out.flush()
+                os.fsync(out.fileno())  # else a power cut brings the good record back
             run = f"{record.parent.parent.name}/{record.parent.name}"
             self._spoiled.add(run)
             self.told.pop(run, None)

@@ -85,6 +85,15 @@ def test_an_admin_who_types_what_the_notes_say_sees_a_first_campaign_to_its_end(
     assert len(list(tmp_path.glob("results/hello-*/greeting-*/0/test.xml"))) == 2
 
 
+def test_helm_test_runs_a_campaign_and_leaves_nothing(installed: Cluster) -> None:
+    out = helm(installed, "test", "robovast", "--namespace", SYSTEM, "--timeout=5m")
+    assert re.search(r"^TEST SUITE: +robovast-test$", out, re.MULTILINE), out
+    assert "Succeeded" in out
+    for kind in ("campaigns", "pods", "roles", "serviceaccounts"):
+        names = installed.kubectl("get", kind, "--namespace", SYSTEM, "--output=name").split()
+        assert not [name for name in names if name.endswith("/robovast-test")]
+
+
 def answers(forward: str, log: str, shell: dict[str, str]) -> bool:
     """Whether the page is at the address that its log says, while its port is forwarded."""
     address = re.search(r"http://\S+", log)

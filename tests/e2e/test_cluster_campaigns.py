@@ -7,11 +7,9 @@ import os
 import re
 import subprocess
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
 import yaml
 from robovast_testbed import containerd, images, programs
 from support.campaigns.local import (
@@ -20,7 +18,7 @@ from support.campaigns.local import (
 )
 from support.campaigns.local import run as run_here
 from support.kube.held_runs import HELD, release_until_finished
-from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files, in_two_contexts
+from support.kube.lab import QUICK, SYSTEM, VAST, Lab, buckets, files
 from support.patience import eventually
 from support.servers.notices import POD_PORT, receiver_pod
 
@@ -74,46 +72,6 @@ def test_growth_sim_gives_the_same_results_by_client_by_kubectl_and_on_this_mach
         status = lab.campaign(name)["status"]
         assert status["progress"] == "3/3"
         assert lab.conditions(name)["Passed"]["status"] == "True"
-
-
-@pytest.fixture
-def divided(lab: Lab) -> Iterator[Lab]:
-    with in_two_contexts(lab) as divided:
-        yield divided
-
-
-def test_a_campaign_is_divided_among_clusters_and_comes_home_as_one(
-    divided: Lab,
-) -> None:
-    lab = divided
-    path = make_campaign(lab.folder / "in", '[ "$1" != 2 ]\n', "  runs: 2\n", QUICK)
-    run = ("-V", path, "exec", "cluster", "run", "--image", images.SLIM)
-    refused = lab.vast(*run, "-x", "a", "-x", "none", code=None)
-    assert refused.returncode != 0
-    assert "none" in refused.stderr
-    assert lab.get("campaigns")["items"] == [], "a part alone is not left behind"
-    few = lab.vast(*run, "-c", "one-1", "-x", "a", "-x", "b", code=2)
-    assert (
-        "configurations to divide is only 1. Make no more parts, and name no more contexts"
-        in few.stderr
-    )
-    done = lab.vast(*run, "-x", "a", "-x", "b", code=1)
-    name = re.search(r"-i (\S+) --context a --context b", done.stdout)
-    assert name is not None, done.stdout
-    assert f"{name[1]}-1of2: 4 of 4 done: 4 passed." in done.stdout
-    assert f"{name[1]}-2of2: not passed: one-2/0" in done.stdout
-    home = ("results", "download", "-i", name[1], "-o", "home")
-    lab.vast(*home, "-x", "a", "-x", "b")
-    lab.vast("-V", path, "exec", "local", "run", "--runtime", "process", "here", code=1)
-    (mine,), (theirs,) = (sorted((lab.folder / f).glob("quick-*")) for f in ("here", "home"))
-    assert lab.verdicts(theirs) == lab.verdicts(mine)
-    assert len(lab.verdicts(mine)) == 6
-    assert {r.parent.name for r in theirs.glob("*/*/run.json")} == {"0", "1"}
-    assert [f.name for f in (lab.folder / "home").iterdir()] == [theirs.name], "no part is left"
-    assert "is in home/" in lab.vast(*home, "-x", "a", "-x", "b").stdout
-    (part,) = lab.get("campaigns")["items"]
-    assert part["spec"]["select"] == ["1/2"]
-    assert "one context twice" in lab.vast(*home, "-x", "a", "-x", "a", code=2).stderr
 
 
 def test_of_a_design_of_which_one_value_was_edited_one_run_is_executed(
@@ -201,7 +159,9 @@ def test_failed_runs_are_told_from_broken_ones_and_repeated_alone(lab: Lab) -> N
 
 def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab: Lab) -> None:
     """In a pack of three runs; a shell in the pod shows what the run has."""
-    script = 'echo "hello $1"; [ "$1" != 2 ] || while ! [ -e "$3/go" ]; do sleep 0.2; done\n'
+    # On a busy node, scenario-execution may not read the last lines of a process that ends at once.
+    wait = '[ "$1" != 2 ] || while ! [ -e "$3/go" ]; do sleep 0.2; done\n'
+    script = f'echo "hello $1"; sleep 1; {wait}'
     lab.quick("talk", script, "  runs_per_job: 3\n  resources: {shm_size: 96Mi}\n")
     inside = ("-n", lab.namespace)
     follower = subprocess.Popen(

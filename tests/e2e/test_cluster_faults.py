@@ -286,10 +286,10 @@ def test_bad_input_is_refused_or_explained_and_harms_nobody_else(lab: Lab) -> No
 
 
 CAUSES: dict[str, tuple[dict[str, Any], str]] = {
-    "ImagePull": ({"image": "localhost:1/no/such:image"}, "localhost:1/no/such:image"),
-    "Configuration": ({"storage": {"secretName": "robovast-nowhere"}}, "robovast-nowhere"),
+    "ImagePullFailed": ({"image": "localhost:1/no/such:image"}, "localhost:1/no/such:image"),
+    "ContainerConfigError": ({"storage": {"secretName": "robovast-nowhere"}}, "robovast-nowhere"),
     "Unschedulable": ({"scheduling": {"nodeSelector": {"arm": "three"}}}, "node"),
-    "Storage": ({"storage": {"endpoint": "http://127.0.0.1:9"}}, "127.0.0.1:9"),
+    "StorageUnavailable": ({"storage": {"endpoint": "http://127.0.0.1:9"}}, "127.0.0.1:9"),
 }
 """By reason: what is wrong with a Campaign, and what is said of it."""
 

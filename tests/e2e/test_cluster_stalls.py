@@ -56,10 +56,10 @@ def test_images_that_the_node_cannot_execute_are_told(lab: Lab, tmp_path: Path) 
     engine.load(scratch.archive(foreign, "bin/sh"))
     apply(lab, "without-shell", scratch.image(gobuild.build_own("pause").name))
     apply(lab, "other-kind", scratch.image(foreign.name))
-    told = wait_stalled(lab, "without-shell", "Container")
+    told = wait_stalled(lab, "without-shell", "ContainerError")
     assert "/bin/sh" in told
     assert "no such file" in told
-    told = wait_stalled(lab, "other-kind", "Container")
+    told = wait_stalled(lab, "other-kind", "ContainerError")
     assert "exec format error" in told
     assert "architecture" in told
 
@@ -98,7 +98,7 @@ def test_a_run_that_writes_nothing_is_told_and_not_ended(lab: Lab) -> None:
     (path.parent / "files" / "hold.sh").write_text(HELD)
     with impatient_operator(lab):
         lab.apply(path, "hangs", select=["one-1"])
-        assert "kubectl logs" in wait_stalled(lab, "hangs", "Silent", 300)
+        assert "kubectl logs" in wait_stalled(lab, "hangs", "NoLogOutput", 300)
         release(lab, "hangs")
     lab.wait("hangs")
     assert lab.campaign("hangs")["status"]["runs"]["passed"] == 1
@@ -145,7 +145,7 @@ def test_an_image_without_bash_is_told(lab: Lab, tmp_path: Path) -> None:
     shell.write_bytes(does_nothing())
     containerd.of(lab.cluster.bed).load(scratch.archive(shell, "bin/sh"))
     apply(lab, "no-bash", scratch.image(shell.name))
-    told = wait_stalled(lab, "no-bash", "Container")
+    told = wait_stalled(lab, "no-bash", "ContainerError")
     assert "the container robovast cannot start" in told
     assert '"bash"' in told
 

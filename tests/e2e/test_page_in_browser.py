@@ -268,7 +268,7 @@ def test_a_cell_has_the_command_that_runs_its_configurations_more_often(
         assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == []
         page.screenshot(path=tmp_path / "more.png", full_page=True)
         record = root / "_execution" / "execution.yaml"
-        record.write_text(f"{record.read_text()}more_runs: {{hall-3: 4}}\n")
+        record.write_text(f"{record.read_text()}more_runs: {{hall-3: 4}}\nruns_added: true\n")
         write_run(root, "hall-3", 3, 12, values[2], lambda *_: "failed")
         expect(page.locator(".beside")).to_contain_text("Runs were added after a look")
         expect(page.locator(".run-more")).not_to_contain_text("make the intervals of all")

@@ -30,7 +30,6 @@ from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import first_attempts
 from robovast_operator.pods.jobs import shard_job, task_job
 from robovast_operator.pods.templates import notify_pod
-from robovast_operator.settings import read_settings
 
 
 @pytest.mark.parametrize(
@@ -41,11 +40,7 @@ from robovast_operator.settings import read_settings
         ({"storage": {"embedded": {"size": "10 GB"}}}, "/storage/embedded/size': '10 GB'"),
         ({"kueue": {"share": 110}}, "/kueue/share': maximum: got 110, want 100"),
         ({"operator": {"resources": {"limit": {}}}}, "'limit' not allowed"),
-        ({"operator": {"podLimits": {"team-a": 0}}}, "minimum: got 0, want 1"),
-        (
-            {"operator": {"podLimits": {"Team A": 3}}},
-            "at '/operator/podLimits': additional properties 'Team A' not allowed",
-        ),
+        ({"operator": {"replicas": -1}}, "minimum: got -1, want 0"),
         ({"scheduling": {"hostNetwork": True}}, "'hostNetwork' not allowed"),
         ({"storage": {"embedded": {"enabled": False}}}, "storage.external.endpoint is needed"),
         (
@@ -163,18 +158,6 @@ def test_viewers_may_open_the_page_and_read_no_secret() -> None:
     assert "robovast-page" not in of_kind(rendered({"page": {"enabled": True}}), "Role")
     with pytest.raises(ValueError, match="viewers"):
         template({"page": {"viewers": [{"kind": "ServiceAccount", "name": "bot"}]}})
-
-
-@pytest.mark.parametrize("limits", [{}, {"team-a": 200, "*": 1_000_000}])
-def test_the_operator_reads_the_limits_of_pods_that_the_values_state(
-    limits: dict[str, int],
-) -> None:
-    deployment = of_kind(rendered({"operator": {"podLimits": limits}}), "Deployment")[
-        "robovast-operator"
-    ]
-    (container,) = deployment["spec"]["template"]["spec"]["containers"]
-    environment = {item["name"]: item.get("value", "") for item in container["env"]}
-    assert read_settings(environment).pod_limits == limits
 
 
 DOCS = CHART.parents[1] / "docs"

@@ -35,7 +35,7 @@ NOTICE = Notice(
     runs=Runs(total=3, passed=2, failed=1, stored=3),
     failing=["hall-1/2"],
     seconds=3900,
-    reason="TooManyBadRuns",
+    reason="TooManyUnsuccessfulRuns",
     message="2 of 3 runs passed; needed: all",
 )
 

@@ -189,7 +189,7 @@ def test_a_closed_terminal_leaves_no_files_and_no_viewer(
         ("hall-1/0", ["--rerun", "--foxglove"], 2, "name one of them"),
         ("hall-2/1", ["--foxglove"], 2, "rosbag2.mcap is not an MCAP file"),
         ("hall-1", ["--foxglove"], 2, "is the folder of no run"),
-        *([] if INSTALLED else [("hall-1/0", ["--rerun"], 3, "pip install 'robovast[rerun]'")]),
+        *([] if INSTALLED else [("hall-1/0", ["--rerun"], 3, "[rerun]")]),
     ],
 )
 def test_what_cannot_be_viewed_is_an_error_in_words(

@@ -141,7 +141,7 @@ def test_each_command_of_the_page_says_what_it_decides(tmp_path: Path) -> None:
     folder = make_campaign(tmp_path / "in", SCRIPT, RULE).parent
     listed, run_all, run_few = page_commands()
     said = vast(*listed, folder=folder).stdout
-    assert "3 configurations, 2 to 4 runs each: at most 12 in all" in said
+    assert "3 configurations, 2 to 4 runs each: at most 12 in total" in said
     done = vast(*run_all, *HERE, folder=folder)
     assert done.returncode == 1, done.stderr
     for name, decision in DECIDED.items():

@@ -183,7 +183,7 @@ def test_08_cmaes_has_what_it_needs() -> None:
         )
         worst = max(worst, *rates)
     assert worst > 0.9
-    extra = [line for line in distribution("robovast").requires or () if "cmaes" in line]
+    extra = [line for line in distribution("robovast-operator").requires or () if "cmaes" in line]
     assert any('extra == "optuna"' in line.replace("'", '"') for line in extra)
 
 
@@ -311,7 +311,7 @@ def test_14_seeds_reach_the_simulation_so_that_a_failure_is_repeated(tmp_path: P
 
 def test_15_today_s_optuna_is_used_and_no_ribs() -> None:
     assert int(version("optuna").partition(".")[0]) >= 5
-    requires = distribution("robovast").requires or ()
+    requires = distribution("robovast-operator").requires or ()
     pins = [line for line in requires if line.startswith(("optuna", "ribs"))]
     assert pins
     assert all(line.startswith("optuna") and "<" not in line.partition(";")[0] for line in pins)

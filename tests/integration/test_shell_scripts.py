@@ -11,7 +11,7 @@ from robovast_testbed import debian
 from robovast_testbed.pytest_plugin import skipped_when_unavailable
 
 ROOT = Path(__file__).parents[2]
-NAMES = ("example", "find-python", "lock", "ros-environment", "setup", "test")
+NAMES = ("audit", "example", "find-python", "lock", "pin", "ros-environment", "setup", "test")
 SCRIPTS = [
     *sorted(ROOT.glob("src/robovast/execution/contract/*.sh")),
     *sorted(ROOT.glob("src/robovast/analysis/postprocessing/tools/*.sh")),

@@ -22,6 +22,7 @@ UNBOUNDED = {
     "files of this package, of the system, or of a child of this process": {
         *("evaluation/server/app", "evaluation/server/rerun", "evaluation/notebooks/child"),
         *("base/task_record", "analysis/provenance/query", "execution/contract/collect_sysinfo"),
+        "base/installation",
         *("execution/contract/monitor_resources", "execution/contract/run_scenarios"),
         *("execution/local/process_tree", "execution/local/process_environment"),
         *("execution/local/process_runtime", "execution/local/prepare", "planning/apart"),

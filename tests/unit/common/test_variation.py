@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robovast.base.errors import CannotRunError, InputError
+from robovast.base.installation import DISTRIBUTION
 from robovast.common.variation import (
     OneOfVariation,
     ParameterVariationDistributionGaussian,
@@ -48,7 +49,7 @@ def test_only_a_type_that_says_so_itself_only_computes() -> None:
 def test_what_is_installed_says_of_each_type_whether_it_only_computes() -> None:
     """A type that is added here must not cost a Job, nor be expanded in the operator, by chance."""
     points = entry_points(group=GROUP)
-    kinds = {point.load() for point in points if point.dist and point.dist.name == "robovast"}
+    kinds = {point.load() for point in points if point.dist and point.dist.name == DISTRIBUTION}
     assert {kind for kind in kinds if kind.is_pure({"variations": ["x"]})} == {*BUILT_IN_TYPES}
     assert all(issubclass(kind, NavigationVariation) for kind in kinds - {*BUILT_IN_TYPES})
     assert {kind.__name__ for kind in kinds} == {point.name for point in points}

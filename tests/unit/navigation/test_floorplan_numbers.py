@@ -20,7 +20,9 @@ PLAN = """Floor plan: flat
 """
 
 
-@pytest.mark.parametrize("number", ["9" * 400, "1" * 5000, "1e400", "1e308", "1e10"])
+@pytest.mark.parametrize(
+    "number", ["9" * 400, "1" * 5000, "1e400", "1e308", "1e10", "-1e999", "-9e9"]
+)
 def test_numbers_that_are_too_large_have_a_place(tmp_path: Path, number: str) -> None:
     plan, variation = tmp_path / "flat.fpm", tmp_path / "flat.variation"
     plan.write_text(PLAN.format(number))

@@ -82,7 +82,7 @@ def test_it_is_listed_and_drawn(tmp_path: Path, capsys) -> None:
     pictures = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert pictures == ["boxes-1-1-1.svg", "boxes-1-1-2.svg"]
     assert vast("config", "list") == 0
-    assert "16 configurations, 5 runs each: 80 in all" in capsys.readouterr().out
+    assert "16 configurations, 5 runs each: 80 in total" in capsys.readouterr().out
 
 
 def test_a_job_is_prepared_with_three_containers_that_find_their_files(

@@ -3,7 +3,6 @@
 from robovast.model.expansion.expand import Composition, compose, expand
 from robovast.model.expansion.select import (
     Selection,
-    part_pattern,
     patterns_of,
     select_any,
     select_variants,
@@ -18,7 +17,6 @@ __all__ = [
     "VariationRecord",
     "compose",
     "expand",
-    "part_pattern",
     "patterns_of",
     "select_any",
     "select_variants",

@@ -59,11 +59,6 @@ def select_any(variants: Sequence[Variant], selection: Selection) -> list[Varian
     return found
 
 
-def part_pattern(number: int, of: int) -> str:
-    """The pattern of a part, from 1."""
-    return f"{number}/{of}"
-
-
 def _part_of(variants: Sequence[Variant], part: re.Match[str]) -> list[Variant]:
     pattern, number, of = part[0], int(part[1]), int(part[2])
     if not 1 <= number <= of:
@@ -71,7 +66,7 @@ def _part_of(variants: Sequence[Variant], part: re.Match[str]) -> list[Variant]:
     if number > len(variants):
         raise InputError(
             f"`{pattern}`: this part is empty, as the number of configurations to divide is only "
-            f"{len(variants)}. Make no more parts, and name no more contexts, than there are."
+            f"{len(variants)}. Make no more parts than there are."
         )
     return list(variants[number - 1 :: of])
 

@@ -19,7 +19,7 @@ UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 
 
 ANGLES = frozenset({"deg", "rad"})
 
-_NUMBER = re.compile(r"(?<![\w.\-/])([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+_NUMBER = re.compile(r"(?<![\w.\-/])-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 _LONGEST = 100
 """Longest number [characters]."""
 _LARGEST = 1e9
@@ -42,10 +42,10 @@ class Source:
         self.problems: list[Problem] = []
         self.text = read_text(path)
         for number in _NUMBER.finditer(self.text):
-            if len(number[0]) > _LONGEST or float(number[0]) > _LARGEST:
+            if len(number[0]) > _LONGEST or abs(float(number[0])) > _LARGEST:
                 place = _place(path, self.text, number.start())
                 message = f"the number {number[0][:20]} is too large"
-                raise DocumentError([Problem(place, "", message, "It may be at most 1e9.")])
+                raise DocumentError([Problem(place, "", message, "It may be at most ±1e9.")])
         try:
             self.model: Any = _metamodel(grammar).model_from_str(self.text)
         except TextXSyntaxError as error:

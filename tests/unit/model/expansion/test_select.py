@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robovast.base.errors import InputError
-from robovast.model.expansion import Selection, Variant, part_pattern, select_any
+from robovast.model.expansion import Selection, Variant, select_any
 
 VARIANTS = [Variant(f"{entry}-{i}", entry, {}) for entry in ("hall", "depot") for i in (1, 2)]
 
@@ -41,7 +41,7 @@ def test_each_configuration_is_in_one_of_the_parts_which_are_as_equal_as_possibl
     number: int, of: int
 ) -> None:
     variants = [Variant(f"v-{i}", "v", {}) for i in range(number)]
-    parts = [select_any(variants, part_pattern(n, of)) for n in range(1, min(number, of) + 1)]
+    parts = [select_any(variants, f"{n}/{of}") for n in range(1, min(number, of) + 1)]
     assert sorted(v.name for part in parts for v in part) == sorted(v.name for v in variants)
     assert max(map(len, parts)) - min(map(len, parts)) <= 1
 
