@@ -14,6 +14,7 @@ from scipy import ndimage
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from robovast.base.errors import InputError
 from robovast.navigation.occupancy import Mask, OccupancyMap, read_map
 from robovast.navigation.poses import Point
 
@@ -22,6 +23,9 @@ Ints = npt.NDArray[np.int64]
 
 MOST_NODES = 12_000
 """Most nodes of a lattice over the whole map; shortest paths then take a few milliseconds."""
+
+_MOST_POSSIBLE = 4_000_000
+"""Nodes of a lattice that needs less than 5 GB."""
 
 WIDEST_SPACING = 0.25
 """Largest distance between lattice nodes [m]; doors are wider, even minus a robot's width."""
@@ -166,6 +170,9 @@ class Lattice:
     """A graph on every n-th passable cell whose edges are straight lines that the robot can take.
 
     Each node has up to 16 neighbours, so paths are at most 2.7 % longer than without the lattice.
+
+    Raises:
+        InputError: it would have more nodes than memory can hold.
     """
 
     def __init__(self, costmap: Costmap, stride: int) -> None:
@@ -173,8 +180,14 @@ class Lattice:
         self._stride = stride
         self._offset = stride // 2
         there = costmap.passable[self._offset :: stride, self._offset :: stride]
+        count = int(np.count_nonzero(there))
+        if count > _MOST_POSSIBLE:
+            raise InputError(
+                f"a path through this map leads through one of {count:,} free cells; at most "
+                f"{_MOST_POSSIBLE:,} can be searched. Use a map with larger cells, or a part of it."
+            )
         self._nodes: Ints = np.full(there.shape, -1, np.int64)
-        self._nodes[there] = np.arange(np.count_nonzero(there))
+        self._nodes[there] = np.arange(count)
         rows, columns = np.nonzero(there)
         self._rows = rows * stride + self._offset
         self._columns = columns * stride + self._offset

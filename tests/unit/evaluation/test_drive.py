@@ -25,6 +25,7 @@ from support.patience import PATIENCE
 
 from robovast.base.errors import InputError
 from robovast.evaluation.drive import pictures
+from robovast.evaluation.drive import recording as recording_module
 from robovast.evaluation.drive.clock import Clock
 from robovast.evaluation.drive.drives import Drive, Drives
 from robovast.evaluation.drive.part import Part
@@ -475,3 +476,21 @@ def test_a_bag_that_takes_long_holds_no_other_up(
         finally:
             end.set()
         assert first.result(PATIENCE)
+
+
+@pytest.mark.parametrize("topic", ["/rosout", "/tf_static", "/tf"])
+def test_messages_that_memory_cannot_hold_are_left_out_and_said(
+    tmp_path: Path, topic: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording_module, "_MOST_HELD", 1 << 20)
+    with DriveBag(tmp_path / "rosbag2", compression=CompressionMode.STORAGE) as bag:
+        for n in range(20):
+            at = n / 10
+            bag.odometry(at, *around(at))
+            if topic == "/rosout":
+                bag.say(at, 20, "a" * 100_000)
+            else:
+                moved = [bag.transform("map", "a" * 100_000, at, (0.0, 0.0, 0.0))]
+                bag.write(topic, bag.make("tf2_msgs/msg/TFMessage", moved), at)
+    drive = opened(tmp_path / "rosbag2")
+    assert f"The messages around one on {topic} take more than 1 MiB" in remarks_of(drive)

@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from robovast.base.errors import InputError
+from robovast.navigation import costmap as costmap_module
 from robovast.navigation.costmap import Costmap
 from robovast.navigation.occupancy import OccupancyMap
 from robovast.navigation.poses import length_of
@@ -71,3 +73,16 @@ def test_further_obstacles_take_their_place_away() -> None:
     way = blocked.shortest_path((3.0, 5.0), (7.0, 5.0))
     assert way is not None
     assert length_of(way) > 4.3
+
+
+@pytest.mark.parametrize("resolution", [0.25, 1.0])
+def test_a_map_with_more_cells_than_memory_holds_is_refused(
+    resolution: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(costmap_module, "_MOST_POSSIBLE", 3_000)
+    free = room(60, 60)
+    free[30, :50] = False
+    large = Costmap(OccupancyMap(free, ~free, resolution), 0.2)
+    place = 10 * resolution
+    with pytest.raises(InputError, match=r"one of 3,315 free cells.*Use a map with larger cells"):
+        large.shortest_path((place, place), (place, 50 * resolution))

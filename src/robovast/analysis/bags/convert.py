@@ -288,8 +288,11 @@ class _Work:
             self._worker.discard()
 
     def _fail(self, error: Exception) -> None:
-        traceback.print_exc()
-        self._failures[self._task.job] = f"raised {type(error).__name__}: {error}"
+        cause = str(error)
+        if not isinstance(error, RobovastError):
+            traceback.print_exc()
+            cause = f"raised {type(error).__name__}: {error}"
+        self._failures[self._task.job] = cause
         self.discard()
         self._worker = None
 

@@ -186,7 +186,7 @@ class McapFile:
         begin = max(self._part, self.blocks[-1].place if self.blocks else 0) + 1
         following = None if is_cut else _next(read, place + 1, size, self._bound)
         end = place if following is None else following + len(MAGIC)
-        appended = _appended(read, begin, size if is_cut else end)
+        appended = _appended(read, begin, size if is_cut else end, self._bound)
         if appended:
             self._fault(f"is cut off at byte {appended}, where another recording begins")
             self._part = appended
@@ -417,10 +417,17 @@ def _is_known(opcode: int, length: int) -> bool:
     return 0 < opcode < _PRIVATE and least <= length <= most
 
 
-def _appended(read: _ReadAt, begin: int, end: int) -> int | None:
+def _appended(read: _ReadAt, begin: int, end: int, bound: Bound) -> int | None:
     """Where another recording begins, whose first bytes a record seems to contain."""
-    place = read(min(end - begin, _FARTHEST), begin).find(MAGIC + bytes([Opcode.HEADER]))
-    return None if place < 0 else begin + place
+    start = MAGIC + bytes([Opcode.HEADER])
+    end = min(end, begin + _FARTHEST)
+    for window in range(begin, end, _WINDOW):
+        if bound.late():
+            return None
+        place = read(min(_WINDOW + len(start) - 1, end - window), window).find(start)
+        if place >= 0:
+            return window + place
+    return None
 
 
 def _end_of(read: _ReadAt, place: int, size: int) -> int:

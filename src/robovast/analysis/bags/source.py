@@ -86,12 +86,13 @@ class Block:
 
 
 class Faults(list[str]):
-    """What cannot be read of a file, without duplicates; at most 20 sentences."""
+    """What cannot be read of a file, without duplicates; at most 20 sentences and "and more"."""
 
     def add(self, text: str) -> None:
         """Note a fault."""
-        if text not in self and len(self) < _MOST_FAULTS:
-            self.append(text)
+        if text not in self and len(self) <= _MOST_FAULTS:
+            more = f"More than {_MOST_FAULTS} parts of a file of the bag cannot be read"
+            self.append(more if len(self) == _MOST_FAULTS else text)
 
 
 class BagFile(Protocol):

@@ -14,12 +14,15 @@ from typing import Any
 
 from robovast.analysis.tables.csv_files import column_names
 from robovast.base.atomic import part_name, put_in_place
+from robovast.base.errors import InputError
 from robovast.base.safe_paths import create_file
 
 Key = Hashable
 """Determines the cells of a row, such as the shape of a message."""
 
 _BUFFER = 1 << 20
+_MOST_CELLS = 1 << 30
+"""Most cells of a table that is rewritten because its rows have different columns."""
 
 
 Columns = Callable[[Any], list[list[str]]]
@@ -85,7 +88,11 @@ class Table:
         return self._key is None
 
     def close(self) -> None:
-        """Complete the file and rename it to its final name."""
+        """Complete the file and rename it to its final name.
+
+        Raises:
+            InputError: it would be too large.
+        """
         self._end_run()
         keys = list(dict.fromkeys(key for key, _ in self._runs))
         self._file.close()
@@ -124,6 +131,13 @@ class Table:
     def _rewrite(self, keys: list[Key]) -> None:
         names = sorted({name for key in keys for name in self._sorted(key)})
         columns = [*((True, name) for name in self._leading), *((False, name) for name in names)]
+        count_of_rows = sum(count for _, count in self._runs)
+        if len(columns) * count_of_rows > _MOST_CELLS:
+            raise InputError(
+                f"{self.path.name} would have {count_of_rows:,} rows of {len(columns):,} columns, "
+                f"more than {_MOST_CELLS:,} cells: the lengths of its arrays differ too much. "
+                "Leave out its topic, or convert it with a command of your own."
+            )
         title = self._title or str
         if self._title is not None:
             columns.sort(key=lambda column: title(column[1]))
@@ -137,9 +151,10 @@ class Table:
             next(rows, None)
             writer = csv.writer(target, lineterminator="\n")
             writer.writerow(column_names([title(name) for _, name in columns], ()))
-            spread = {key: self._spread(key, columns) for key in keys}
+            # few, as each is as long as a row
+            spread = lru_cache(maxsize=8)(lambda key: self._spread(key, columns))
             for key, count in self._runs:
-                order = spread[key]
+                order = spread(key)
                 writer.writerows(order([*row, ""]) for row in islice(rows, count))
         self._part.unlink()
         put_in_place(final, self.path, lasting=False)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robovast.analysis.episodes import Times, episode_starts
+from robovast.base.errors import InputError
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -25,6 +26,8 @@ _SAME = 1_000_000_000
 """Time of receipt within which jumps of several frames belong to one jump [ns]."""
 _MOST_FRAMES = 500
 """Most frames between a frame and its reference; tf2 follows at most 1000."""
+_MOST_LINKS = 1 << 18
+"""Most episodes times frames; a robot has some 100 frames, and resets are rare."""
 _SIZE = 56
 """Seven numbers in bytes: position x, y, z [m] and orientation x, y, z, w."""
 
@@ -269,9 +272,19 @@ class Transforms:
 
     @cached_property
     def trees(self) -> list[TransformTree]:
-        """The tree of each episode; there is at least one."""
-        links: list[dict[str, _Link]] = [{} for _ in range(len(self._jumps) + 1)]
+        """The tree of each episode; there is at least one.
+
+        Raises:
+            InputError: there are more than memory and time allow.
+        """
         moving, fixed = self._samples
+        jumps, frames = len(self._jumps), len(moving) + len(fixed)
+        if (jumps + 1) * frames > max(_MOST_LINKS, frames):
+            raise InputError(
+                f"the stamps of its transforms jump back {jumps} times, and it has {frames} "
+                f"frames: more than {_MOST_LINKS:,} transforms between frames of an episode."
+            )
+        links: list[dict[str, _Link]] = [{} for _ in range(jumps + 1)]
         for frame, samples in fixed.items():
             numbers = self._episodes(frame, samples, static=True)
             for episode, tree in enumerate(links):

@@ -36,6 +36,9 @@ _ENCODINGS = {
 }
 """Pixel format and bytes per pixel of each encoding of raw images."""
 _OPTIONS = {"deadline": "realtime", "cpu-used": "8", "crf": "32", "b": "0", "lag-in-frames": "0"}
+_SMALLEST, _LARGEST = 2, 4096
+"""Width and height of images [pixels]: chroma has half the resolution, and the encoder of a larger
+video takes gigabytes."""
 _JITTER = 500
 """Difference up to which an image may be earlier than a previous one in the same episode [ms]."""
 _MILLISECONDS = Fraction(1, 1000)
@@ -64,7 +67,7 @@ class VideoWorker:
         def consume(time: int, data: bytes) -> None:
             image: Any = read(data)
             stamp = image.header.stamp.sec * 1_000_000_000 + image.header.stamp.nanosec
-            self._video.add(frame(image), stamp or time)
+            self._video.add(_bounded(frame(image)), stamp or time)
 
         return consume
 
@@ -78,6 +81,15 @@ class VideoWorker:
     def discard(self) -> None:
         """Remove unfinished files."""
         self._video.discard()
+
+
+def _bounded(frame: VideoFrame) -> VideoFrame:
+    if not all(_SMALLEST <= length <= _LARGEST for length in (frame.width, frame.height)):
+        raise ValueError(
+            f"an image has {frame.width} x {frame.height} pixels; videos have {_SMALLEST} to "
+            f"{_LARGEST} in each direction"
+        )
+    return frame
 
 
 def _decoded(image: Any) -> VideoFrame:
@@ -160,7 +172,6 @@ class _Video:
         self._container = av.open(str(self._part), "w", format="webm")
         rate = Fraction(self._fps).limit_denominator(1000)
         self._stream = self._container.add_stream("libvpx-vp9", rate=rate, options=_OPTIONS)
-        # Chroma has half the resolution, so sizes must be even.
         self._stream.width, self._stream.height = frame.width & -2, frame.height & -2
         self._stream.pix_fmt = "yuv420p"
         self._stream.codec_context.time_base = _MILLISECONDS

@@ -66,7 +66,7 @@ class Drive:
         fixed: Iterable[Message] = ()
         transforms = self._cast.transforms
         if types.get(transforms + FIXED) == TRANSFORMS:
-            fixed = recording.read([transforms + FIXED], recording.start, recording.end + 1)
+            fixed = recording.held([transforms + FIXED], recording.start, recording.end + 1)
         kept = list(islice(fixed, _MOST_FIXED))
         self._source = Source(recording, clock, self._cast.topics, transforms, kept)
         self._bounds = _bounds(clock.end, recording.size(self._cast.topics.values()))

@@ -103,7 +103,7 @@ class PartReader:
             wanted.add(self._source.transforms)
         self._messages = {topic: [] for topic in wanted}
         last = dict.fromkeys(wanted, -math.inf)
-        for message in self._recording.read(wanted, self._start, self._end + _AHEAD):
+        for message in self._recording.held(wanted, self._start, self._end + _AHEAD):
             topic = message.topic
             if topic != self._source.transforms:
                 if message.time >= self._end:

@@ -14,7 +14,7 @@ from robovast.analysis.bags.mcap_file import McapFile
 from robovast.analysis.bags.order import in_order
 from robovast.analysis.bags.source import BagFile, Block, Topic
 from robovast.analysis.bags.sqlite_file import SqliteFile
-from robovast.base.bounds import Bound
+from robovast.base.bounds import LARGEST, Bound
 from robovast.base.errors import InputError
 from robovast.evaluation.drive.clock import LONGEST_PAUSE, SECOND
 from robovast.evaluation.inside import MissingError, open_inside, resolved
@@ -25,6 +25,8 @@ _MOST_LONG = 50
 """Longer blocks that are searched for pauses."""
 _MOST_BACK = 4000
 """Messages that are read in search of the one before a moment."""
+_MOST_HELD = 4 * LARGEST
+"""What is held in memory of the messages of a part, decompressed [bytes]."""
 
 
 class Message(NamedTuple):
@@ -49,6 +51,7 @@ class Recording:
         if not os.path.isdir(folder):
             raise MissingError(f"{relative} is no folder.")
         self.faults: list[str] = []
+        self._too_large: set[str] = set()
         self.files = list(open_files(root, relative))
         self.faults += (
             f"{name} is compressed as a whole, so nothing in it can be found by time; "
@@ -69,7 +72,12 @@ class Recording:
 
     def all_faults(self) -> list[str]:
         """What cannot be read, as far as it has been noticed."""
-        return [*self.faults, *(fault for file in self.files for fault in file.faults)]
+        large = (
+            f"The messages around one on {topic} take more than {_MOST_HELD >> 20} MiB: some are "
+            "left out."
+            for topic in sorted(self._too_large)
+        )
+        return [*self.faults, *large, *(fault for file in self.files for fault in file.faults)]
 
     def size(self, topics: Collection[str]) -> int:
         """Bytes that are read for all messages of some topics."""
@@ -81,12 +89,22 @@ class Recording:
         for time, number, channel, data in in_order(self.files, wanted, start, end):
             yield Message(time, self.files[number].topics[channel].name, data)
 
+    def held(self, topics: Collection[str], start: int, end: int) -> Iterator[Message]:
+        """The same as `read`, for callers that hold all messages: no more than fit in memory."""
+        left = _MOST_HELD
+        for message in self.read(topics, start, end):
+            left -= len(message.data)
+            if left < 0:
+                self._too_large.add(message.topic)
+                return
+            yield message
+
     def before(self, topic: str, time: int) -> list[Message]:
         """Messages of a topic shortly before a time [ns], in order; empty if there is none."""
         moments = [m for m in self.moments(topic) if m < time]
         if not moments:
             return []
-        found = self.read([topic], moments[-1], time)
+        found = self.held([topic], moments[-1], time)
         return heapq.nlargest(_MOST_BACK, found, key=lambda message: message.time)[::-1]
 
     def moments(self, topic: str) -> list[int]:

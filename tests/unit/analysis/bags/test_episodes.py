@@ -201,3 +201,18 @@ def test_a_report_names_the_topics_and_frames_that_exist(tmp_path: Path) -> None
     (unknown,) = convert_alone(bag.folder, TfToCsv(tf_topic="/robot1/tf")).warnings
     assert unknown.startswith("rosbag2 has no frame map; it has base_link, odom.")
     assert "`root_frame`" in unknown
+
+
+def test_more_resets_and_frames_than_memory_holds_are_refused(tmp_path: Path) -> None:
+    with Bag(tmp_path / "rosbag2") as bag:
+        frames = [bag.transform("map", f"fixed{n}", 0, (1.0, 0.0, 0.0)) for n in range(1200)]
+        bag.transforms(frames, static=True)
+        for n in range(500):
+            moved = bag.transform("map", "base_link", 10.0 * (n % 2), (1.0, 0.0, 0.0))
+            bag.write("/tf", bag.make("tf2_msgs/msg/TFMessage", [moved]), float(n))
+    done = convert_alone(bag.folder, TfToCsv())
+    (cause,) = done.failures.values()
+    assert cause.startswith(
+        "the stamps of its transforms jump back 249 times, and it has 1201 frames"
+    )
+    assert not (tmp_path / "poses.csv").exists()

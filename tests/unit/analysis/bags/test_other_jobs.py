@@ -387,3 +387,19 @@ def test_a_wrong_parameter_is_named(command: str, parameters: dict[str, Any], sa
     with pytest.raises(InputError) as error:
         bag_command(command, parameters)
     assert str(error.value).startswith(f"{command}: {said}")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 40), (40, 1), (6000, 6)])
+def test_images_that_no_video_can_have_are_left_out(
+    tmp_path: Path, width: int, height: int
+) -> None:
+    with Bag(tmp_path / "rosbag2") as bag:
+        for at, (columns, lines) in enumerate([(width, height), (40, 30)]):
+            header, data = bag.header(at, "camera"), np.zeros(columns * lines, np.uint8)
+            image = bag.make(
+                "sensor_msgs/msg/Image", header, lines, columns, "mono8", 0, columns, data
+            )
+            bag.write("/image", image, at)
+    (warning,) = convert(bag.folder, "rosbags_to_webm", topic="/image")
+    assert f"an image has {width} x {height} pixels; videos have 2 to 4096" in warning
+    assert len(frames(tmp_path / "rosbag2_image.webm")[1]) == 1

@@ -21,7 +21,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin
 from support.campaigns.bags import START, Bag, convert_alone, rows
 
 from robovast.analysis.bags.files import BagInfo, read_bag, read_info
-from robovast.analysis.bags.source import Consumer, Topic
+from robovast.analysis.bags.source import Consumer, Faults, Topic
 from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.drive.drives import Drives
 from robovast.evaluation.drive.one_file import one_file
@@ -435,3 +435,12 @@ def test_metadata_tell_the_types_of_channels_without_schema(tmp_path: Path) -> N
     done = convert_alone(tmp_path / "bag", TopicsToCsv(topics=["/a"]))
     assert done.warnings == []
     assert rows(tmp_path / "bag_a.csv")[0]["data"] == "7"
+
+
+def test_no_fault_is_lost_without_a_word() -> None:
+    faults = Faults()
+    for number in range(30):
+        faults.add(f"record {number} is left out")
+        faults.add(f"record {number} is left out")
+    assert len(faults) == 21
+    assert faults[-1] == "More than 20 parts of a file of the bag cannot be read"

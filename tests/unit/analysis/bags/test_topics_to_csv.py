@@ -5,6 +5,7 @@ import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -13,7 +14,10 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from support.campaigns.bags import SECOND, START, Bag, convert_alone, rows, typestore
 
+from robovast.analysis.bags import table as table_module
+from robovast.analysis.bags.table import Table
 from robovast.analysis.tables.csv_files import column_names
+from robovast.base.errors import InputError
 from robovast.model.document.commands import ActionToCsv, TopicsToCsv
 from rosbags_common import gen_msg_values
 
@@ -272,3 +276,28 @@ def test_columns_of_actions_have_different_names(
     (row,) = rows(tmp_path / "action_go_feedback.csv")
     assert sorted(row.values(), key=float)[:4] == ["1", "2", "3", "4"]
     assert float(row["timestamp"]) == START / SECOND
+
+
+@given(st.lists(st.integers(0, 12), min_size=1, max_size=60))
+def test_rows_of_many_shapes_are_placed_in_the_columns_of_all(shapes: list[int]) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "table.csv"
+        table = Table(path, ["t"], lambda count: [[f"a[{n}]"] for n in range(count)])
+        for number, count in enumerate(shapes):
+            table.add(count, [b"%d" % number, *(b"%d" % n for n in range(count))])
+        table.close()
+        found = [{name: cell for name, cell in row.items() if cell} for row in rows(path)]
+    assert found == [
+        {"t": str(i), **{f"a[{n}]": str(n) for n in range(count)}} for i, count in enumerate(shapes)
+    ]
+
+
+def test_a_table_larger_than_a_disk_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(table_module, "_MOST_CELLS", 1000)
+    table = Table(tmp_path / "table.csv", ["t"], lambda count: [[f"a[{n}]"] for n in range(count)])
+    for count in range(50):
+        table.add(count, [b"0"] * (count + 1))
+    with pytest.raises(InputError, match=r"table\.csv would have 50 rows of 50 columns"):
+        table.close()
