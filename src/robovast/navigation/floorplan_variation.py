@@ -18,6 +18,7 @@ from robovast.model.naming import CONFIG, TRANSIENT
 from robovast.model.variation_config import get_validated_config
 from robovast.model.variations import ProvContribution
 from robovast.navigation.base import Config, NavigationConfig, NavigationVariation, with_record
+from robovast.navigation.floorplan.model import LONGEST_NAME
 
 if TYPE_CHECKING:
     from robovast.navigation.floorplan.artefacts import Artefacts
@@ -213,6 +214,11 @@ class FloorplanGeneration(_FloorplanVariation):
                 raise InputError(
                     f"`{names[path.stem]}` and `{file}` have one name, and "
                     "their maps would; rename one of them."
+                )
+            if len(path.stem) > LONGEST_NAME:
+                raise InputError(
+                    f"the name of `{path.name[:20]}…` is too long for its map: rename the file, to "
+                    f"at most {LONGEST_NAME} characters."
                 )
             names[path.stem] = file
             self._models.append(path)

@@ -242,3 +242,24 @@ def test_rooms_are_spaced_and_turned_only_wall_to_wall(written) -> None:
 def test_a_file_without_a_plan(written) -> None:
     assert ":1:1:" in refusal(written("nothing"))
     assert "has no `Space`" in refusal(written("Floor plan: empty\n"))
+
+
+@pytest.mark.parametrize(("count", "is_valid"), [(50, True), (300, False), (3000, False)])
+def test_spaces_are_placed_one_at_another_up_to_a_number(
+    count: int, is_valid: bool, written
+) -> None:
+    spaces = [
+        f"Space r{n}:\n    shape: Rectangle width=4 m, length=5 m\n    location:\n"
+        f"        wrt: {f'r{n + 1}.walls[1]' if n < count else 'world'}\n        of: this\n"
+        for n in range(count + 1)
+    ]
+    path = written("Floor plan: chain\n" + "".join(spaces))
+    if is_valid:
+        assert len(lay_out(read_floorplan(path)).rooms) == count + 1
+    else:
+        assert "more than 100 spaces are placed one at another in a row" in refusal(path)
+
+
+def test_a_name_fits_into_names_of_files(written) -> None:
+    found = refusal(written(TWO_ROOMS.replace("plan: two", f"plan: {'a' * 300}")))
+    assert "has 300 characters; names of floor plans have at most 100" in found

@@ -175,6 +175,12 @@ def test_a_plan_that_is_not_sound_is_drawn_again(expanded, plans: Path) -> None:
         ("(0.5, 0.1)", "(0.7, 0.1)", "the weights must sum to 1, not 1.2"),
         ("std=0.5", "std=-0.5", "`std` must not be below 0"),
         (
+            "[5.0, 6.0, 7.0]",
+            "[5.0, 6.0 deg]",
+            ":3:32: configuration `hall`: FloorplanVariation: a length in m, cm or mm is needed "
+            "here, not a value in deg",
+        ),
+        (
             "normal(",
             "gauss(",
             ":7:44: configuration `hall`: FloorplanVariation: `gauss` does",

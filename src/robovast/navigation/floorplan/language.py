@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.navigation.floorplan.model import (
+    LONGEST_NAME,
     Circle,
     Feature,
     FloorPlan,
@@ -78,6 +79,12 @@ class _Reader:
     def plan(self) -> FloorPlan:
         model = self._source.model
         plan = FloorPlan(model.name, self._source.place(model))
+        if len(plan.name) > LONGEST_NAME:
+            self._source.problem(
+                model,
+                f"the name {plan.name[:20]}… has {len(plan.name)} characters; names of floor plans "
+                f"have at most {LONGEST_NAME}",
+            )
         for defaults in self._items["Defaults"]:
             sizes = self._wall_sizes(defaults.parts)
             plan.wall_thickness = sizes.get("thickness", plan.wall_thickness)

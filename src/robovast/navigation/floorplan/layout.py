@@ -32,6 +32,8 @@ _SLACK = 0.001
 """How far an opening extends beyond a wall, to cut it completely [m]."""
 
 _SIDES_OF_CIRCLE = 32
+_MOST_CHAINED = 100
+"""Most spaces of which each is placed at the next."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,12 @@ class _Rooms:
         if name in self._asked:
             circle = " → ".join([*self._asked[self._asked.index(name) :], name])
             raise _problem(place, f"spaces are placed at one another in a circle: {circle}")
+        if len(self._asked) > _MOST_CHAINED:
+            raise _problem(
+                place,
+                f"more than {_MOST_CHAINED} spaces are placed one at another in a row",
+                "Place some of them at `world`.",
+            )
         self._asked.append(name)
         room = self._placed[name] = _room(self._plan, self._spaces[name], self)
         self._asked.pop()

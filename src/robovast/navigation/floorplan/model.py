@@ -11,6 +11,9 @@ from typing import Literal
 from robovast.base.errors import Place
 from robovast.navigation.poses import Point
 
+LONGEST_NAME = 100
+"""Longest name of a plan [characters]; names of files contain it."""
+
 
 @dataclass
 class Rectangle:

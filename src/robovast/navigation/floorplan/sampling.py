@@ -15,7 +15,7 @@ from robovast.base.errors import DocumentError
 from robovast.navigation.floorplan.language import Model
 from robovast.navigation.floorplan.layout import lay_out
 from robovast.navigation.floorplan.model import FloorPlan
-from robovast.navigation.floorplan.parser import UNITS, Source, kind
+from robovast.navigation.floorplan.parser import ANGLES, UNITS, Source, kind
 from robovast.navigation.floorplan.unwritten import add_number
 
 ATTEMPTS = 100
@@ -103,7 +103,8 @@ def _entries(source: Source, model: Model, target: Any) -> Iterator[_Entry]:
         )
     elif kind(element) == "Variable":
         if target.distribution is not None:  # braces have no effect on a variable
-            yield _Entry(element, _distribution(source, target.distribution))
+            angle = element.unit in ANGLES if element.unit else None
+            yield _Entry(element, _distribution(source, target.distribution, angle))
     elif target.distribution is not None:
         source.problem(target, f"`{target.name}` is no variable: name an attribute of it in braces")
     else:
@@ -112,9 +113,9 @@ def _entries(source: Source, model: Model, target: Any) -> Iterator[_Entry]:
 
 
 def _entry(source: Source, model: Model, name: str, element: Any, entry: Any) -> Iterator[_Entry]:
-    draw = _distribution(source, entry.distribution)
     numbers = dict(_numbers(element, model.root))
     attribute = _attribute(entry.attribute)
+    draw = _distribution(source, entry.distribution, attribute.startswith("location.rotation"))
     value = numbers.get(attribute) or add_number(element, attribute)
     if value is None:
         source.problem(
@@ -126,7 +127,12 @@ def _entry(source: Source, model: Model, name: str, element: Any, entry: Any) ->
         yield _Entry(value, draw)
 
 
-def _distribution(source: Source, node: Any) -> Draw:
+def _distribution(source: Source, node: Any, angle: bool | None) -> Draw:
+    """How to draw numbers, of angles or lengths; None: of both, as nothing says what they are."""
+    for number in _numbers_in(node):
+        if number.unit and angle is not None and (number.unit in ANGLES) != angle:
+            wanted = "an angle in deg or rad" if angle else "a length in m, cm or mm"
+            source.problem(number, f"{wanted} is needed here, not a value in {number.unit}")
     match kind(node):
         case "Normal":
             mean, std = float(node.mean.number), float(node.std.number)
@@ -142,6 +148,15 @@ def _distribution(source: Source, node: Any) -> Draw:
         source.problem(node, f"the weights must sum to 1, not {sum(weights):g}")
     total = sum(weights)  # NumPy allows less of a difference from 1
     return lambda rng: choices[rng.choice(len(choices), p=[weight / total for weight in weights])]
+
+
+def _numbers_in(distribution: Any) -> list[Any]:
+    match kind(distribution):
+        case "Normal":
+            return [distribution.mean, distribution.std]
+        case "Uniform":
+            return list(distribution.values)
+    return [option.value for option in distribution.options]
 
 
 def _attribute(name: str) -> str:
