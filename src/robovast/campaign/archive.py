@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import lzma
 import os
+import shlex
 import stat
 import struct
 import tarfile
@@ -43,6 +44,9 @@ _OVERHEAD = 512
 
 _ZIP = (b"PK\3\4", b"PK\5\6")
 """How zip files begin. `zipfile.is_zipfile` also accepts a tar file that ends with a zip file."""
+_ZSTD = b"\x28\xb5\x2f\xfd"
+_ENCRYPTED = 1
+"""Flag of an entry of a zip file."""
 
 _DAMAGED = (
     tarfile.TarError,
@@ -251,15 +255,17 @@ def _members(archive: Path, room: _Room) -> Iterator[Iterator[Member]]:
         raise InputError(f"{archive}: is not a regular file. Name the archive itself.")
     try:
         with archive.open("rb") as file:
-            is_zip = file.read(len(_ZIP[0])) in _ZIP
+            begin = file.read(len(_ZIP[0]))
             file.seek(0)
+            is_zip = begin in _ZIP
+            _refuse_unsupported(archive, begin)
             if is_zip:
                 with zipfile.ZipFile(file) as zipped:
-                    yield _zip_members(zipped)
+                    yield _zip_members(archive, zipped)
             else:
                 with tarfile.open(fileobj=file, mode="r:*", tarinfo=_entry_type(room)) as tar:
                     yield _tar_members(tar)
-                    _read_to_the_end(tar)
+                    _read_to_the_end(archive, tar)
     except (OSError, *_DAMAGED) as error:
         if isinstance(error, OSError) and error.filename == str(archive):
             raise InputError(f"{archive}: cannot be read: {error.strerror}.") from None
@@ -279,10 +285,26 @@ def _cause(error: BaseException) -> str:
     return lines[0] if len(lines) == 1 else "it does not begin like a tar or zip file"
 
 
-def _read_to_the_end(tar: tarfile.TarFile) -> None:
-    """Read the rest, so that the checksum at the very end of a compressed file is verified."""
-    while tar.fileobj is not None and tar.fileobj.read(CHUNK):
-        pass
+def _refuse_unsupported(archive: Path, begin: bytes) -> None:
+    if begin.startswith(_ZSTD):
+        raise InputError(
+            f"{archive}: is compressed with zstd, which is not supported. Decompress it: "
+            f"`zstd -d {shlex.quote(str(archive))}`, and import the result."
+        )
+
+
+def _read_to_the_end(archive: Path, tar: tarfile.TarFile) -> None:
+    """Read the rest, so that the checksum at the very end of a compressed file is verified.
+
+    Raises:
+        InputError: something follows the end, such as a second archive.
+    """
+    while tar.fileobj is not None and (rest := tar.fileobj.read(CHUNK)):
+        if rest.strip(b"\0"):
+            raise InputError(
+                f"{archive}: has more content after the end of its archive, as several archives "
+                "in one file have. Split it, and import each one."
+            )
 
 
 def _tar_members(tar: tarfile.TarFile) -> Iterator[Member]:
@@ -316,8 +338,13 @@ def _target(zipped: zipfile.ZipFile, item: zipfile.ZipInfo) -> str:
         return os.fsdecode(content.read(_LONGEST_TARGET))
 
 
-def _zip_members(zipped: zipfile.ZipFile) -> Iterator[Member]:
+def _zip_members(archive: Path, zipped: zipfile.ZipFile) -> Iterator[Member]:
     for item in zipped.infolist():
+        if item.flag_bits & _ENCRYPTED:
+            raise InputError(
+                f"{archive}: is encrypted. Unpack it with its password, and import an archive "
+                "without one."
+            )
         mode = item.external_attr >> 16
         link = stat.S_ISLNK(mode)
         yield Member(

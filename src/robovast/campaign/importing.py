@@ -74,12 +74,21 @@ def campaign_of_archive(name: str) -> str:
     return name.removesuffix(suffix) or "campaign"
 
 
+def _few(names: list[str]) -> str:
+    return ", ".join([*sorted(names)[:5], *(["…"] if len(names) > 5 else [])])
+
+
 def _campaign_in(archive: Path, whole: Path) -> Path:
     content = list(whole.iterdir())
     folder = content[0] if len(content) == 1 else whole
     if not os.path.islink(folder) and holds_campaign(folder):
         return folder
-    names = ", ".join(sorted(path.name for path in content)[:5]) or "nothing"
+    if len(several := [path.name for path in content if holds_campaign(path)]) > 1:
+        raise InputError(
+            f"{archive}: contains {len(several)} campaigns ({_few(several)}). Make an archive of "
+            "each one. Nothing was imported."
+        )
+    names = _few([path.name for path in content]) or "nothing"
     raise InputError(
         f"{archive} contains no campaign, but {names}. It must contain one campaign's folder, with "
         "a .vast file in `_config`, or with reports of another tool in "

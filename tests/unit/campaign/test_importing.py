@@ -9,9 +9,11 @@ import shutil
 import tarfile
 import tracemalloc
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import zstandard
 from support.faults.killing import begin_dying, deaths
 
 from robovast.base.errors import InputError, StorageError
@@ -429,3 +431,39 @@ more: 1
 def test_a_document_that_nobody_can_read_executes_nothing(tmp_path: Path, document: bytes) -> None:
     archive = archive_of(tmp_path, member(f"{NAME}/_config/x.vast", document))
     assert warn_of_executables(import_archive(archive, tmp_path / "results")) is None
+
+
+def test_an_archive_of_several_campaigns_is_refused(tmp_path: Path) -> None:
+    other = [member(f"other/{n}", c) for n, c in [("_config/a.vast", b""), ("a/0/test.xml", b"")]]
+    with pytest.raises(InputError, match=rf"contains 2 campaigns \({NAME}, other\)"):
+        import_archive(archive_of(tmp_path, *GOOD, *other), tmp_path / "results")
+    assert everything(tmp_path / "results") == set()
+
+
+@pytest.mark.parametrize("compress", [bytes, gzip.compress])
+def test_archives_in_one_file_are_refused(
+    tmp_path: Path, compress: Callable[[bytes], bytes]
+) -> None:
+    plain = gzip.decompress(archive_of(tmp_path, *GOOD).read_bytes())
+    path = tmp_path / "both.tar"
+    path.write_bytes(compress(plain + plain))
+    with pytest.raises(InputError, match="has more content after the end of its archive"):
+        import_archive(path, tmp_path / "results")
+    assert everything(tmp_path / "results") == set()
+
+
+def test_kinds_of_archives_that_are_not_supported_have_a_remedy(tmp_path: Path) -> None:
+    plain = gzip.decompress(archive_of(tmp_path, *GOOD).read_bytes())
+    packed = tmp_path / "x.tar.zst"
+    packed.write_bytes(zstandard.compress(plain))
+    with pytest.raises(InputError, match=r"is compressed with zstd.*`zstd -d .*x\.tar\.zst`"):
+        import_archive(packed, tmp_path / "results")
+    locked = tmp_path / "x.zip"
+    with zipfile.ZipFile(locked, "w") as zipped:
+        zipped.writestr(f"{NAME}/one/0/test.xml", "<testsuite/>")
+    content = bytearray(locked.read_bytes())
+    for signature, flags in [(b"PK\3\4", 6), (b"PK\1\2", 8)]:
+        content[content.index(signature) + flags] |= 1  # says that it is encrypted
+    locked.write_bytes(content)
+    with pytest.raises(InputError, match=r"is encrypted\. Unpack it with its password"):
+        import_archive(locked, tmp_path / "results")
