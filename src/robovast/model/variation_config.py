@@ -13,11 +13,12 @@ from pydantic.fields import FieldInfo
 
 from robovast.base import docstrings
 from robovast.base.errors import InputError
+from robovast.model.strict_numbers import StrictNumbers
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
 
-class VariationConfig(BaseModel):
+class VariationConfig(StrictNumbers):
     """Base class of parameter models of variation types; unknown parameters have no effect."""
 
     model_config = ConfigDict(

@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 
 from robovast.base.errors import InputError
 from robovast.model.document.section import PluginCall
+from robovast.model.strict_numbers import StrictNumbers
 from robovast.model.variation_config import get_validated_config
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -60,7 +61,7 @@ LevelName = Annotated[
 ]
 
 
-class BagCommand(BaseModel):
+class BagCommand(StrictNumbers):
     """A command that reads ROS bags, with its parameters; unknown parameters have no effect."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", defer_build=True)

@@ -15,9 +15,10 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from robovast.base import docstrings
+from robovast.model.strict_numbers import StrictNumbers
 
 
-class Section(BaseModel):
+class Section(StrictNumbers):
     """A mapping of known keys; a key without a value counts as absent."""
 
     model_config = ConfigDict(

@@ -9,10 +9,12 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import ConfigDict, Field, FiniteFloat, model_validator
 from pydantic_core import PydanticCustomError
 from scipy.spatial import KDTree
 from scipy.stats import qmc
+
+from robovast.model.strict_numbers import StrictNumbers
 
 _SAMPLES = 20
 """Points for each cell that its centre is the mean of."""
@@ -20,7 +22,7 @@ _ROUNDS = 8
 """How often the centres move to the mean of their points."""
 
 
-class Measure(BaseModel):
+class Measure(StrictNumbers):
     """An axis of an archive."""
 
     model_config = ConfigDict(extra="forbid")
@@ -39,7 +41,7 @@ class Measure(BaseModel):
         return self
 
 
-class ArchiveParameters(BaseModel):
+class ArchiveParameters(StrictNumbers):
     """`archive` of `qd`."""
 
     model_config = ConfigDict(extra="forbid")

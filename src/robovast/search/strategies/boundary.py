@@ -14,12 +14,13 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 from scipy.special import expit, logit
 from scipy.stats import qmc
 
 from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import choices
+from robovast.model.strict_numbers import StrictNumbers
 from robovast.search.strategies.failure_map import FailureMap
 from robovast.search.strategies.failure_process import Array, FailureProcess, Observed
 from robovast.search.strategy import HistoryStrategy
@@ -34,7 +35,7 @@ _KNOWN = 256
 _CONFIDENCE = 1.96
 
 
-class BoundaryParameters(BaseModel):
+class BoundaryParameters(StrictNumbers):
     """`strategy_parameters` of `boundary`."""
 
     model_config = ConfigDict(extra="forbid")

@@ -23,10 +23,11 @@ from optuna.distributions import (
     IntDistribution,
 )
 from optuna.trial import FrozenTrial, Trial, TrialState, create_trial
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from robovast.model.document.search.section import Search, SearchDimension
 from robovast.model.document.search.space import at, parts, place
+from robovast.model.strict_numbers import StrictNumbers
 from robovast.search.strategies.random_sampling import draw_new
 from robovast.search.strategy import HistoryStrategy
 from robovast.search.types import Evaluation, ParamSet, SearchReport
@@ -39,7 +40,7 @@ _STEP = 1 / 6
 """First step of CMA-ES, as a share of each dimension."""
 
 
-class OptunaParameters(BaseModel):
+class OptunaParameters(StrictNumbers):
     """`strategy_parameters` of `optuna`."""
 
     model_config = ConfigDict(extra="forbid")

@@ -15,10 +15,11 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 from scipy.spatial import KDTree
 
 from robovast.model.document.search.section import Search
+from robovast.model.strict_numbers import StrictNumbers
 from robovast.search.strategies.archives import ArchiveParameters, Cells, cells_of, mirrored
 from robovast.search.strategies.random_sampling import draw_new
 from robovast.search.strategy import HistoryStrategy
@@ -34,7 +35,7 @@ _LINE = 0.2
 """Step along the line to another set, as a share of its length."""
 
 
-class QualityDiversityParameters(BaseModel):
+class QualityDiversityParameters(StrictNumbers):
     """`strategy_parameters` of `qd`."""
 
     model_config = ConfigDict(extra="forbid")
