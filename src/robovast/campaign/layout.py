@@ -159,8 +159,11 @@ class Layout:
         """`<variant>/<name>` of folders with a report whose names are numbers that no run has."""
         for variant in filter(is_variant, _folders(self.root)):
             for name in _folders(self.variant(variant)):
+                folder = self.variant(variant) / name
                 is_number = name.isdecimal() and not is_run_number(name)
-                if is_number and os.path.lexists(self.variant(variant) / name / TEST_RESULT):
+                if is_number and any(
+                    map(os.path.lexists, (folder / TEST_RESULT, folder / RUN_RECORD))
+                ):
                     yield f"{variant}/{name}"
 
 

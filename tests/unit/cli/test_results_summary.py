@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -189,3 +190,11 @@ def test_a_hostile_reason_is_shown_and_not_obeyed(
     assert json.loads(data.out)["configurations"][0]["reason"] == HOSTILE.replace("\ud800", "?")
     assert vast("results", "junit", NAME, "report.xml").code == 0
     assert vast("results", "compare", NAME, NAME, "--markdown", "report.md").code == 0
+
+
+def test_a_run_with_an_impossible_number_is_not_left_out_without_a_word(vast, results) -> None:
+    shutil.copytree(results / NAME / "hall-1" / "0", results / NAME / "hall-1" / "00")
+    outcome = vast("results", "summary", NAME)
+    assert outcome.code == 0
+    assert "120 of 120 runs stored" in outcome.out
+    assert outcome.err.startswith("warning: hall-1/00 is not counted: the number of a run has")

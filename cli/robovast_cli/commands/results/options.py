@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robovast.base.errors import InputError
+from robovast_cli.ui.report import tell
 
 if TYPE_CHECKING:
     from robovast.evaluation.campaign_index import CampaignIndex
@@ -102,13 +103,19 @@ def named_campaign(results: Path, name: str) -> Path:
 
 
 def read_campaign(folder: Path) -> CampaignIndex:
-    """A campaign with all its runs.
+    """A campaign with all its runs; folders that look like runs and are none are warned of.
 
     Raises:
         InputError: it cannot be read, or it has no runs.
     """
+    from robovast.campaign.layout import Layout
     from robovast.evaluation.campaign_index import CampaignIndex
 
+    for run in Layout(folder).misnumbered_runs():
+        tell(
+            f"warning: {run} is not counted: the number of a run has at most nine digits and no "
+            "leading zeros. Rename the folder."
+        )
     index = CampaignIndex(folder.parent, folder.name)
     index.refresh()
     if not any(variant.runs for variant in index.variants):
