@@ -7,6 +7,7 @@
 | UTF-8, with or without byte order mark | invalid bytes are read as U+FFFD, with a message |
 | UTF-16, UTF-32 with byte order mark | without the mark they are refused |
 | comments | lines that begin with `#` and have fewer cells than the header; above the header also others, except a header that begins with `#`: directly above a row of as many cells, at least one of them a number; the `#` is removed |
+| a first line `sep=,`, which Excel reads | it is left out; files with another character are refused |
 | rows with fewer cells than the header | the missing cells are empty |
 | rows with more cells | the additional cells are left out, with a message |
 | header cells that are equal or empty | their columns get numbers |
@@ -41,6 +42,7 @@ _CHUNK = 1 << 20
 """Bytes of a file that are examined at once."""
 _SPACED_QUOTE = re.compile(rb'[,\n][ \t]+"|"[ \t]+[,\r\n]')
 
+_SEPARATOR = re.compile(r"sep=(.)")
 _MARKS = {
     codecs.BOM_UTF32_LE: "utf-32",  # before UTF-16, whose mark it begins with
     codecs.BOM_UTF32_BE: "utf-32",
@@ -64,7 +66,7 @@ def csv_files(run: Path) -> dict[str, Path]:
         folders.sort()
         for name in sorted(names):
             path = Path(folder, name)
-            if name.endswith(".csv") and is_file(path, run):
+            if name.lower().endswith(".csv") and is_file(path, run):
                 table = table_name(path.relative_to(run).with_suffix(""))
                 _, first = found.setdefault(folded(table), (table, path))
                 if first != path:
@@ -120,7 +122,10 @@ def read_rows(path: Path, width: int) -> Iterator[list[str]]:
             next(rows, None)
             for row in rows:
                 if any(row[width:]):
-                    _warn(f"{path} has rows with more cells than the header; they are left out")
+                    _warn(
+                        f"{path} has rows with more cells than the header; the cells that have no "
+                        "column are left out"
+                    )
                 if any("\ufffd" in cell for cell in row):
                     _warn(f"{path} has bytes that are not valid text; they are read as �")
                 yield row[:width] + [""] * (width - len(row))
@@ -142,7 +147,8 @@ def is_plain(path: Path) -> bool:
     with open_file(path) as file:
         header = file.readline(_CHUNK)
         end = b"\r\n" if header.endswith(b"\r\n") else b"\n"
-        if header.startswith((b"#", codecs.BOM_UTF8, *_MARKS)) or header.count(b'"') % 2:
+        others = (b"#", b"sep=", codecs.BOM_UTF8, *_MARKS)
+        if header.startswith(others) or header.count(b'"') % 2:
             return False
         file.seek(0)
         last = end
@@ -214,7 +220,7 @@ def _encoding(file: BinaryIO) -> str:
 def _from_header(found: Iterator[str]) -> Iterator[str]:
     """The lines without comments and blank lines above the header."""
     comment = ""
-    for line in found:
+    for line in _without_separator(found):
         if not line.startswith(("#", "\r", "\n")):
             if comment and _is_header(comment, line):
                 yield _uncommented(comment)
@@ -224,6 +230,14 @@ def _from_header(found: Iterator[str]) -> Iterator[str]:
     else:
         yield _uncommented(comment)
     yield from found
+
+
+def _without_separator(found: Iterator[str]) -> Iterator[str]:
+    first = next(found, "")
+    sign = _SEPARATOR.fullmatch(first.rstrip("\r\n"))
+    if sign and sign[1] != ",":
+        raise csv.Error(f"its cells are separated by `{sign[1]}`; separate them by commas")
+    return found if sign else chain([first] if first else [], found)
 
 
 def _is_header(comment: str, row: str) -> bool:

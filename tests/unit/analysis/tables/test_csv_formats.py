@@ -38,6 +38,8 @@ def rows_of(content: bytes) -> list[list[str]]:
         (b"\xef\xbb\xbf# c\nt,x\n0,1\n", [["t", "x"], ["0", "1"]]),
         (b't,x\r\n0,"a\r\nb"\r\n\r\n', [["t", "x"], ["0", "a\r\nb"]]),
         (b"# only\n", [["only"]]),
+        (b"sep=,\r\nt,x\r\n0,1\r\n", [["t", "x"], ["0", "1"]]),  # Excel's first line
+        (b"sep=,,x\n0,1,2\n", [["sep=", "", "x"], ["0", "1", "2"]]),
         (b"", []),
         (b"\n\n", []),
     ],
@@ -51,6 +53,7 @@ def test_comments_above_and_below_the_header(content: bytes, rows: list[list[str
     [
         (b"t;x\n0;1\n", "its cells are separated by `;`"),
         (b"t\tx\n0\t1\n", "its cells are separated by tabs"),
+        (b"sep=;\nt;x\n0;1\n", "its cells are separated by `;`"),
         ("t,x\n0,1\n".encode("utf-16-le"), "UTF-16 without a byte order mark"),
         ("t,x\n0,1\n".encode("utf-16-be"), "UTF-16 without a byte order mark"),
     ],

@@ -62,7 +62,12 @@ def test_the_csv_files_of_a_run_are_its_own(tmp_path: Path) -> None:
     (run / "job").symlink_to("../../_jobs/job-0")
     for path in (run / "poses.csv", run / "logs/x.csv", run / "out.txt", job / "usage.csv"):
         path.write_text("a\n1\n")
-    assert csv_files(run) == {"poses": run / "poses.csv", "logs_x": run / "logs/x.csv"}
+    (run / "Of Windows.CSV").write_text("a\n1\n")
+    assert csv_files(run) == {
+        "poses": run / "poses.csv",
+        "logs_x": run / "logs/x.csv",
+        "Of_Windows": run / "Of Windows.CSV",
+    }
 
 
 def test_damaged_rows_are_read_as_far_as_they_can_be(tmp_path: Path) -> None:
