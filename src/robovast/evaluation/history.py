@@ -162,7 +162,8 @@ def _found(results: Path, campaign: str, variant: VariantRuns) -> _Found | None:
         recorded_test(execution) is None
         and is_fixed(execution)
         and not is_search(results, campaign)
-        and planned.each == len(variant.runs)
+        and all(run.verdict is not Verdict.INTERRUPTED for run in variant.runs)
+        and planned.of(variant.name) <= len(variant.runs)
     )
     rate = rate_of([variant], wilson if fixed else anytime)
     if not rate.runs:

@@ -13,8 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.campaigns.stored import write, write_campaign
 
+from robovast.base.statistics import wilson
+from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.configuration_index import ConfigurationIndex
 from robovast.evaluation.history import HistoryEntry, history
+from robovast.evaluation.rates import campaign_rates
 
 FIRST, SECOND = (f"hall-2026-03-0{day}-132444" for day in (1, 2))
 VAST = "execution: {scenario_file: scenario.osc, run_files: [files/*]}\n"
@@ -132,3 +135,16 @@ def test_a_changed_file_of_any_size_is_a_change_of_a_comparison(tmp_path: Path) 
     CHANGES["files/mesh.stl"](campaign(results, SECOND))
     (found,) = changes((results, FIRST), (results, SECOND))
     assert (found.name, found.kind, found.lines) == ("files/mesh.stl", "changed", [])
+
+
+@pytest.mark.parametrize("of_another_tool", [True, False])
+def test_its_intervals_are_those_of_the_summary(tmp_path: Path, of_another_tool: bool) -> None:
+    results = tmp_path / "results"
+    root = campaign(results, SECOND, bad=1)
+    if of_another_tool:
+        (root / "_execution" / "execution.yaml").unlink()
+    index = CampaignIndex(results, SECOND)
+    index.refresh()
+    (expected,) = campaign_rates(index.summary(), index.variants, 0.1).configurations
+    (found,) = entries(results)
+    assert found.rate.interval == expected.rate.interval == wilson(1, 4)
