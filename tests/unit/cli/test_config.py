@@ -202,12 +202,21 @@ def test_import_from_a_generated_campaign(vast, sweep, tmp_path) -> None:
     assert len(vast("-V", "again.vast", "config", "list", "-o", "name").out.split()) == 7
 
 
-def test_import_that_would_break_the_file_changes_nothing(vast, sweep, tmp_path) -> None:
+@pytest.mark.parametrize(
+    ("name", "cause"),
+    [
+        ("fixed", "has configurations of these names already: fixed. Rename them"),
+        ("sweep-2-1", "no configuration was added, because"),  # a variation creates it
+    ],
+)
+def test_import_that_would_break_the_file_changes_nothing(
+    vast, sweep, tmp_path, name: str, cause: str
+) -> None:
     before = sweep.read_bytes()
-    (tmp_path / "more.yaml").write_text("configuration: [{name: new}, {name: fixed}]\n")
+    (tmp_path / "more.yaml").write_text(f"configuration: [{{name: new}}, {{name: {name}}}]\n")
     outcome = vast("-V", sweep, "config", "import-configs", "more.yaml")
     assert outcome.code == 2
-    assert "has configurations of these names already: fixed. Rename them" in outcome.err
+    assert cause in outcome.err
     assert sweep.read_bytes() == before
 
 

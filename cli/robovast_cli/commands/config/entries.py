@@ -57,8 +57,8 @@ def import_entries(target: Path, source: Path) -> None:
     Each is expanded by itself before; what cannot be is named and left out.
 
     Raises:
-        InputError: nothing to import, a name that is there already, or a target whose text cannot
-            be extended.
+        InputError: nothing to import, a name that exists already or that a variation creates, or a
+            target whose text cannot be extended.
         DocumentError: the target is wrong, or would be with all of them.
         StorageError: the target cannot be written.
     """
@@ -69,7 +69,7 @@ def import_entries(target: Path, source: Path) -> None:
     if not entries:
         raise InputError(f"{source}: none of its configurations can be used in {target}.")
     text = append_entries(read_content(target).decode(), entries, target)
-    check_source(Source(target, text))
+    _refuse_created(check_source(Source(target, text)), source)
     with writing(target):
         mode = target.stat().st_mode
         write_atomically(target.resolve(), text)
@@ -86,6 +86,15 @@ def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
             f"{document.path}: has configurations of these names already: "
             f"{', '.join(there)}. Rename them, there or in what is imported."
         )
+
+
+def _refuse_created(document: Document, source: Path) -> None:
+    """Refuse names that variations of the document create already."""
+    try:
+        with expanded(document):
+            pass
+    except InputError as error:
+        raise InputError(f"{source}: no configuration was added, because {error}") from None
 
 
 def _is_usable(document: Document, entry: Any, source: Path) -> bool:
