@@ -1,17 +1,35 @@
-"""Typer apps whose commands are imported when they are used: `--help` shows them without."""
+"""Typer apps whose commands are imported when they are used: `--help` shows them without.
+
+docs/contributing/style.md has the form of a command's help. The first line of the docstring is the
+summary and equals the line in the table of its group. `examples` adds at least two examples:
+
+    @app.command(epilog="Exit codes: 0 all passed · 1 a run failed")
+    @examples(
+        ("vast view results/hall-2026-03-04-152130/hall-1/0", "Play a run"),
+        ("vast view results/hall-2026-03-04-152130/hall-1/0 -p 8000", "Use port 8000"),
+    )
+    def view(...) -> None:
+        ...  # with a docstring
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from inspect import cleandoc
+from typing import Any, TypeVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from robovast_cli.ui.usage import name_values, normalize_paths, refuse_contexts
+
+WIDTH = 96
+"""Columns of a line in the help of a command."""
+
+AnyFunction = TypeVar("AnyFunction", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
@@ -55,6 +73,26 @@ def paths_of(name: str, group: Any, path: str) -> Iterator[str]:
             yield f"`{path} {own}`"
         real = command.load() if isinstance(command, LazyCommand) else command
         yield from paths_of(name, real, f"{path} {own}")
+
+
+def examples(*lines: tuple[str, str]) -> Callable[[AnyFunction], AnyFunction]:
+    """Add examples to the help of a command, which keeps their line breaks.
+
+    Args:
+        lines: commands and their effects. Write it below `@app.command()`.
+    """
+    column = max(len(call) for call, _ in lines) + 2
+    if any(column + len(effect) + 2 > WIDTH for _, effect in lines):
+        texts = [f"  {effect}:\n    {call}" for call, effect in lines]
+    else:
+        texts = [f"  {call:{column}}{effect}" for call, effect in lines]
+    block = "\n".join(["\b", "Examples:", *texts])
+
+    def add(command: AnyFunction) -> AnyFunction:
+        command.__doc__ = f"{cleandoc(command.__doc__ or '')}\n\n{block}"
+        return command
+
+    return add
 
 
 def new_app(help_text: str, **settings: Any) -> typer.Typer:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,8 @@ _VAST_FILE = ". The .vast file stands before the command: `vast -V FILE …`."
 _SEVERAL_FILES = ". If a `*` on the command line stands for several files or folders, name one."
 _KINDS = {"int": "N", "float": "NUMBER", "str": "TEXT"}
 """Names of types in the help."""
+_EXTRA = re.compile(r"  \[(?:default: ([^];]*))?(?:; )?([^]]*)\]$")
+"""Suffix of Typer: default, range of a number, `required`."""
 
 
 @contextmanager
@@ -48,8 +52,9 @@ def _explained(error: Any) -> str:
 
 
 def name_values(command: Any) -> Any:
-    """The command, whose help calls values and arguments by names, not by types of Python."""
+    """The command, whose help names values, arguments and defaults in our words, not Typer's."""
     for param in command.params:
+        param.get_help_record = partial(_help_record, param.get_help_record)
         if param.param_type_name == "argument":
             param.display_type_rich = _nothing
             param._usage_display_name = lambda p=param: _in_usage(p)
@@ -100,6 +105,28 @@ def _single(command: Any, param: Any) -> Any:
         return parse(ctx, args)
 
     return parse_args
+
+
+def _help_record(original: Any, ctx: Any) -> tuple[str, str] | None:
+    """Name and help of a parameter, with "(default: X)" in its first sentence."""
+    record: tuple[str, str] | None = original(ctx)
+    found = _EXTRA.search(record[1]) if record else None
+    if record is None or found is None:
+        return record
+    text, (default, rest) = record[1][: found.start()], found.groups("")
+    if default:
+        sentence, stop, more = f"{text} ".partition(". ")
+        text = f"{sentence.rstrip()} (default: {default}){stop}{more}".rstrip()
+    extra = [_range(part) for part in rest.split("; ") if part]
+    return record[0], "  ".join([text, *(f"[{', '.join(extra)}]" for _ in extra[:1])])
+
+
+def _range(text: str) -> str:
+    """The range of a number, `1<=x<=9`, in words; other text as it is."""
+    low, sign, rest = text.partition("<=x")
+    if sign:
+        return f"{low} to {rest.removeprefix('<=')}"
+    return f"at least {text.removeprefix('x>=')}" if text.startswith("x>=") else text
 
 
 def _nothing(ctx: object) -> str:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 app = new_app("Run on this machine: in Docker, in Podman or as plain processes.")
 
@@ -48,7 +48,15 @@ def local() -> None:
     """Run on this machine: in Docker, in Podman or as plain processes."""
 
 
-@app.command()
+@app.command(
+    epilog="Exit codes: 0 all passed · 1 a run failed · 2 invalid input · 4 a run errored · "
+    "130 interrupted"
+)
+@examples(
+    ("vast exec local run", "Run all configurations"),
+    ("vast exec local run -c 'hall-*' --runs 5", "Run a selection, 5 times each"),
+    ("vast exec local run --resume results/hall-2026-03-04-152130", "Resume a campaign"),
+)
 def run(
     ctx: typer.Context,
     out: Annotated[
