@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from math import inf
 from operator import itemgetter
 
 import zstandard
 
 from robovast.analysis.bags import zstd
-from robovast.analysis.bags.source import BagFile
+from robovast.analysis.bags.source import BagFile, Block, Read
 from robovast.base.bounds import LARGEST
 
 _MOST_HELD = 4 * LARGEST
 """Messages that are held until those of overlapping blocks are read [bytes]."""
+_JUMP = 1_000_000_000
+"""Time by which messages of a topic may be recorded out of order [ns]."""
 _OVERHEAD = 200
 """What a held message takes in addition to its content, about [bytes]."""
 
@@ -45,18 +47,14 @@ def in_order(
         for block in file.blocks
         if block.start < end and block.end >= start and channels[number]
     ]
+    for file in files:
+        _note_jumps(file, ((block.channels, block.start, block.end) for block in file.blocks))
     blocks.sort(key=itemgetter(0))
     horizons = [*(block[0] for block in blocks[1:]), inf]
     held: list[tuple[int, int, int, int, Ordered]] = []
     size = count = 0
     for (_, number, block), horizon in zip(blocks, horizons, strict=False):
-        found = files[number].messages(block, channels[number])
-        found.sort(key=itemgetter(0))
-        if found and not block.start <= found[0][0] <= found[-1][0] <= block.end:
-            files[number].faults.add(
-                "Messages are outside of the times that their chunk states: some may be "
-                "missing or not in order of time"
-            )
+        found = _messages(files[number], block, channels[number])
         for time, channel, data in found:
             if not start <= time < end:
                 continue
@@ -79,6 +77,40 @@ def in_order(
             earlier = heapq.heappop(held)[-1]
             size -= len(earlier[3]) + _OVERHEAD
             yield from _plain(files, earlier)
+
+
+def _messages(file: BagFile, block: Block, channels: Collection[int]) -> list[Read]:
+    """The messages of a block in order of time; adds faults if their times are odd."""
+    recorded = file.messages(block, channels)
+    found = sorted(recorded, key=itemgetter(0))
+    if recorded != found:
+        _note_jumps(file, (((channel,), time, time) for time, channel, _ in recorded))
+    if found and not block.start <= found[0][0] <= found[-1][0] <= block.end:
+        file.faults.add(
+            "Messages are outside of the times that their chunk states: some may be missing or "
+            "not in order of time"
+        )
+    return found
+
+
+def _note_jumps(file: BagFile, parts: Iterable[tuple[Collection[int], int, int]]) -> None:
+    """Add a fault if the times of receipt of a topic jump back.
+
+    Args:
+        file: the file.
+        parts: channels, first and last time [ns] of parts of it, in recording order.
+    """
+    latest: dict[int, int] = {}
+    for channels, first, last in parts:
+        if any(last < latest.get(channel, last) - _JUMP for channel in channels):
+            file.faults.add(
+                "The times of receipt in a file of the bag jump back, as after a reset of "
+                "simulated time. Messages are in order of these times, so parts of the recording "
+                "are mixed"
+            )
+            return
+        for channel in channels:
+            latest[channel] = max(latest.get(channel, first), first)
 
 
 def _plain(files: Sequence[BagFile], message: Ordered) -> Iterator[Ordered]:

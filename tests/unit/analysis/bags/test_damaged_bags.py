@@ -371,3 +371,20 @@ def test_a_file_may_end_at_any_byte_of_its_summary(tmp_path: Path) -> None:
         found, warnings = read_numbers(file.parent, "n")
         assert found == list(range(10))
         assert "bag_0.mcap has no end: its recorder was stopped while writing" in warnings
+
+
+@pytest.mark.parametrize("storage", [MCAP, SQLITE])
+@pytest.mark.parametrize("size", [3, 40_000], ids=["one block", "many blocks"])
+@pytest.mark.parametrize("back", [0.5, 100.0])
+def test_times_of_receipt_that_jump_back_are_reported(
+    tmp_path: Path, storage: StoragePlugin, size: int, back: float
+) -> None:
+    with Bag(tmp_path / "rosbag2", storage=storage) as bag:
+        for number in range(COUNT):
+            at = number - (back if number >= COUNT // 2 else 0)
+            bag.write("/a", bag.make(TEXT, f"text {number} {'x' * size}"), at=at)
+    warnings = convert(tmp_path / "rosbag2").warnings
+    assert len(numbers(tmp_path / "rosbag2")) == COUNT
+    jumps = [text for text in warnings if text.startswith("The times of receipt in a file")]
+    assert len(jumps) == (back > 1)
+    assert warnings == jumps
