@@ -320,7 +320,7 @@ def test_a_repetition_goes_on_with_the_test(make: Make, tmp_path: Path) -> None:
         assert len(campaign.verdicts()) == stored_then
     finish = Pod(campaign)
     assert finish.task("finish") == 0
-    assert finish.message()["decisions"] == "3 sound after 3; 9 of 12 runs needed"
+    assert finish.message()["decisions"] == "3 passing after 3; 9 of 12 runs needed"
 
 
 @one_server

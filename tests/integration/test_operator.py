@@ -73,7 +73,7 @@ def test_runs_that_are_not_needed_are_counted_apart_as_their_pods_say(
     assert (state["progress"], state["state"]) == ("54/54", "Finished")
     assert (state["runs"]["total"], state["runs"]["notNeeded"]) == (150, 96)
     assert state["shards"][0]["notNeeded"] == 96
-    assert state["decisions"] == "3 sound after 18"
+    assert state["decisions"] == "3 passing after 18"
     assert condition(state, "Passed")["status"] == "True"
     execution = made["spec"]["vast"]["execution"]
     execution["runs"] = {**runs, "decide": {**runs["decide"], "good": 0.1}}

@@ -1,4 +1,4 @@
-"""Each configuration is run until a test says sound or broken, whatever dies meanwhile."""
+"""Each configuration is run until a test calls it passing or failing, whatever dies meanwhile."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NEEDED = {
     "one-3/2": "passed",
     "one-3/3": "failed",
 }
-DECIDED = {"one-1": "sound after 3", "one-2": "broken after 2", "one-3": "undecided at 4"}
+DECIDED = {"one-1": "passing after 3", "one-2": "failing after 2", "one-3": "inconclusive at 4"}
 
 
 HERE = ["--runtime", "process", "--jobs", "1"]
@@ -65,7 +65,7 @@ def test_each_configuration_has_the_runs_that_its_verdicts_need(
         "one-2": 2,
         "one-3": 4,
     }
-    states = {name: state.split()[0] for name, state in DECIDED.items()}
+    states = {"one-1": "sound", "one-2": "broken", "one-3": "undecided"}
     assert {c["name"]: c["state"] for c in said["configurations"]} == states
     metadata = yaml.safe_load(write_metadata(summary.campaign).read_text())
     described = {c["name"]: c["decision"]["state"] for c in metadata["configurations"]}
@@ -121,9 +121,9 @@ def test_more_runs_of_one_configuration_leave_the_others_undecided(tmp_path: Pat
     campaign = run(path, tmp_path / "out", jobs=1, runs=2).campaign
     recorder = Recorder()
     resume(campaign, recorder, jobs=1, select="one-3", runs=4)
-    assert recorder.decided == {"one-3": "undecided at 4"}
+    assert recorder.decided == {"one-3": "inconclusive at 4"}
     said = vast("results", "summary", campaign).stdout
-    assert "1 broken after 2, 2 undecided at 2-4; 8 of 8 runs needed" in said
+    assert "1 failing after 2, 2 inconclusive at 2-4; 8 of 8 runs needed" in said
 
 
 def test_more_runs_than_the_first_few_bring_back_the_least_ones(tmp_path: Path) -> None:
@@ -132,9 +132,9 @@ def test_more_runs_than_the_first_few_bring_back_the_least_ones(tmp_path: Path) 
     summary = run(path, tmp_path / "out", jobs=1, runs=2, select="one-2")
     recorder = Recorder()
     resume(summary.campaign, recorder, jobs=1, runs=6)
-    assert recorder.decided["one-2"] == "broken after 4"
+    assert recorder.decided["one-2"] == "failing after 4"
     said = vast("results", "summary", summary.campaign).stdout
-    assert "1 broken after 4" in said
+    assert "1 failing after 4" in said
 
 
 def test_each_command_of_the_page_says_what_it_decides(tmp_path: Path) -> None:
@@ -151,4 +151,4 @@ def test_each_command_of_the_page_says_what_it_decides(tmp_path: Path) -> None:
     assert "Continue" not in done.stdout
     assert run_few[-2:] == ["--runs", "20"]
     few = vast(*run_few[:-1], "1", *HERE, folder=folder).stdout
-    assert "3 undecided at 1; 3 of 3 runs needed." in few
+    assert "3 inconclusive at 1; 3 of 3 runs needed." in few

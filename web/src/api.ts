@@ -41,7 +41,7 @@ export interface Columns {
   /** Why intervals are wider than those of a fixed number of runs; empty if they are not. */
   wider: string;
   verdicts: Verdict[];
-  /** What the campaign's test says of each configuration, `sound after 18`; empty without one. */
+  /** Decision of the campaign's test about each configuration, for example `passing after 18`; empty without one. */
   decided: string[];
   reasons: string[];
   /** What reasons have in common, and for each reason its place in that. */

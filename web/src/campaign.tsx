@@ -244,7 +244,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
 
 /** The configurations of a cell whose runs are not enough. */
 function openIn(data: Columns, axes: Axes, cell: string): string[] {
-  const isOpen = (variant: number) => data.decided[variant]?.startsWith("undecided") ?? true;
+  const isOpen = (variant: number) => data.decided[variant]?.startsWith("inconclusive") ?? true;
   return data.variants.name.filter((_, variant) => isInCell(axes, cell, variant) && isOpen(variant));
 }
 

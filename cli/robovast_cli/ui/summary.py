@@ -180,7 +180,7 @@ def configuration_row(variant: VariantRate) -> list[str]:
     rate = variant.rate
     return [
         variant.name,
-        variant.state if variant.decision is None else told(variant.decision),
+        variant.state.word if variant.decision is None else told(variant.decision),
         f"{rate.failed + rate.errored} of {rate.runs}",
         "–" if rate.rate is None else percent(rate.rate),
         interval_text(rate.interval),
@@ -217,7 +217,7 @@ def counts_text(rates: CampaignRates) -> str:
 
 
 def _measure(rates: CampaignRates) -> str:
-    """What makes configurations sound or broken."""
+    """Describe the rule that classifies configurations as passing or failing."""
     test = rates.summary.test
     if test is None:
         return f"limit {percent(rates.limit)} of the runs"
@@ -229,7 +229,7 @@ def _measure(rates: CampaignRates) -> str:
 
 
 def _needed(rates: CampaignRates) -> str:
-    """`70 sound after 18-41, 30 broken after 3; 1,740 of 5,000 runs needed`."""
+    """`70 passing after 18-41, 30 failing after 3; 1,740 of 5,000 runs needed`."""
     test = rates.summary.test
     decided = [one for one in rates.configurations if one.decision is not None]
     most = sum(test.planned.of(one.name) for one in decided) if test is not None else 0
@@ -247,4 +247,4 @@ def _overall(rate: Rate) -> str:
 
 def _states(variants: Iterable[VariantRate]) -> str:
     states = [variant.state for variant in variants]
-    return ", ".join(f"{states.count(state)} {state}" for state in State)
+    return ", ".join(f"{states.count(state)} {state.word}" for state in State)

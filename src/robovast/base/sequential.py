@@ -1,4 +1,4 @@
-"""Wald's sequential test: as many runs as it takes to tell a sound robot from a broken one."""
+"""Wald's sequential test: run a configuration until it is classified as passing or failing."""
 
 from __future__ import annotations
 
@@ -12,11 +12,22 @@ _NEVER = 10**9
 
 
 class State(StrEnum):
-    """What runs show of a robot's failure rate."""
+    """Classification of a configuration by its failure rate.
+
+    The values are those of stored files and of JSON outputs, which scripts read.
+    """
 
     BROKEN = "broken"
     UNDECIDED = "undecided"
     SOUND = "sound"
+
+    @property
+    def word(self) -> str:
+        """The state in texts for people: failing, inconclusive or passing."""
+        return _WORDS[self]
+
+
+_WORDS = {State.BROKEN: "failing", State.UNDECIDED: "inconclusive", State.SOUND: "passing"}
 
 
 @dataclass(frozen=True, slots=True)

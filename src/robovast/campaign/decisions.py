@@ -101,15 +101,18 @@ def recorded_test(execution: Mapping[str, Any]) -> CampaignTest | None:
 
 
 def told(decision: Decision) -> str:
-    """`sound after 18`, `undecided at 50`; of one that is not over, `undecided after 7 so far`."""
+    """Describe a decision: `passing after 18`, `inconclusive at 50`.
+
+    An open decision is `inconclusive after 7 so far`.
+    """
     if not decision.is_over:
-        return f"{State.UNDECIDED} after {decision.runs} so far"
+        return f"{State.UNDECIDED.word} after {decision.runs} so far"
     word = "at" if decision.state is State.UNDECIDED else "after"
-    return f"{decision.state} {word} {decision.runs}"
+    return f"{decision.state.word} {word} {decision.runs}"
 
 
 def runs_needed(decisions: Collection[Decision], most: int) -> str:
-    """`70 sound after 18-41, 30 broken after 3; 1,740 of 5,000 runs needed`.
+    """`70 passing after 18-41, 30 failing after 3; 1,740 of 5,000 runs needed`.
 
     Args:
         decisions: about all configurations.
@@ -120,13 +123,13 @@ def runs_needed(decisions: Collection[Decision], most: int) -> str:
 
 
 def summed_up(decisions: Iterable[Decision]) -> str:
-    """`70 sound after 18-41, 10 broken after 3, 20 undecided at 50` configurations."""
+    """Count decisions: `70 passing after 18-41, 10 failing after 3, 20 inconclusive at 50`."""
     parts = []
     listed = list(decisions)
     for state, word in ((State.SOUND, "after"), (State.BROKEN, "after"), (State.UNDECIDED, "at")):
         runs = [one.runs for one in listed if one.state is state and one.is_over]
         if runs:
             between = f"{min(runs)}" if min(runs) == max(runs) else f"{min(runs)}-{max(runs)}"
-            parts.append(f"{len(runs)} {state} {word} {between}")
+            parts.append(f"{len(runs)} {state.word} {word} {between}")
     still = sum(not one.is_over for one in listed)
     return ", ".join([*parts, *([f"{still} not decided yet"] if still else [])])

@@ -55,7 +55,7 @@ case $1 in
 esac
 """
 """One configuration passes, the next fails, and the third does either in turn."""
-DECISIONS = "1 sound after 3, 1 broken after 2, 1 undecided at 4; 9 of 12 runs needed"
+DECISIONS = "1 passing after 3, 1 failing after 2, 1 inconclusive at 4; 9 of 12 runs needed"
 
 
 class Recorder:

@@ -71,7 +71,7 @@ def needed_stages(campaign: str, variants: int, most: int, needed: int) -> list[
     said = {"passed": "", "failed": "", "errored": "", "counts": [needed, 0, 0]}
     spared = most - needed
     counts = {"total": variants * most, "passed": variants * needed, "failed": 0, "errored": 0}
-    told = f"{variants} sound after {needed}"
+    told = f"{variants} passing after {needed}"
     summary = {**counts, "notNeeded": variants * spared, "decisions": told}
     run = FINISH_STAGE.replace("finish", "shard").replace("name: shard\n", "name: agent\n")
     words = {FINISH_STAGE: summary, run: {**said, "notNeeded": spared}}

@@ -74,7 +74,7 @@ def test_one_file_says_what_failed_where_and_why(vast, results) -> None:
     assert "54 goal not reached: no goal after 20 s failed hall-1/0" in text  # the cause
     assert "margin ≤ 0.02 80 % of 60 10 % of 60" in text  # the factor
     assert "speed ↓ margin → 0.02 0.1 0 80 % 8/10 49 – 94 % 10 % 1/10" in text  # the matrix
-    assert "hall-1 goal not reached: no goal after 20 s broken 8 of 10" in text
+    assert "hall-1 goal not reached: no goal after 20 s failing 8 of 10" in text
     assert html.count("<svg") == 1  # one of them has a map
     assert "run 0; blue: the planned path; violet: the way; red: its last 5 s" in text
     assert "ERROR scenario_execution: <script>window.stolen = true</script> goal" in text

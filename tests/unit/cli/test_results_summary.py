@@ -28,15 +28,15 @@ def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "results"
 
 
-def test_it_says_what_is_broken_sound_and_undecided(vast, results) -> None:
+def test_configurations_are_failing_inconclusive_or_passing(vast, results) -> None:
     outcome = vast("results", "summary", NAME)
     assert outcome.code == 0
     lines = [line.split() for line in outcome.out.splitlines()]
-    assert lines[1][:9] == ["hall-3", "broken", "30", "of", "40", "75", "%", "60", "–"]
-    assert lines[2][:8] == ["hall-2", "undecided", "5", "of", "40", "12", "%", "5.5"]
-    assert lines[3][:8] == ["hall-1", "sound", "0", "of", "40", "0", "%", "0"]
+    assert lines[1][:9] == ["hall-3", "failing", "30", "of", "40", "75", "%", "60", "–"]
+    assert lines[2][:8] == ["hall-2", "inconclusive", "5", "of", "40", "12", "%", "5.5"]
+    assert lines[3][:8] == ["hall-1", "passing", "0", "of", "40", "0", "%", "0"]
     assert outcome.out.endswith(
-        "3 configurations: 1 broken, 1 undecided, 1 sound (limit 10 % of the runs)\n"
+        "3 configurations: 1 failing, 1 inconclusive, 1 passing (limit 10 % of the runs)\n"
         "120 of 120 runs stored: 85 passed, 35 failed, 0 errored, 0 interrupted\n"
         "29 % of the runs did not pass (95 % interval 22 – 38 %)\n"
         f"hall-2 is decided soonest, by {lines[2][11]} more runs: vast exec local run "
@@ -47,7 +47,10 @@ def test_it_says_what_is_broken_sound_and_undecided(vast, results) -> None:
 def test_a_folder_of_one_campaign_will_do_and_the_table_can_be_short(vast, results) -> None:
     for place in (results, results / NAME, f"{results / NAME}/"):
         outcome = vast("results", "summary", place, "--worst", 1)
-        assert "… and 2 more: 0 broken, 1 undecided, 1 sound (`--worst 0` shows all)" in outcome.out
+        assert (
+            "… and 2 more: 0 failing, 1 inconclusive, 1 passing (`--worst 0` shows all)"
+            in outcome.out
+        )
 
 
 def test_json_has_everything(vast, results) -> None:

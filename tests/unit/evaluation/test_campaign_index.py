@@ -259,7 +259,10 @@ def test_a_test_ends_the_runs_of_a_configuration(root: Path) -> None:
     index = CampaignIndex(root.parent, NAME)
     index.refresh()
     summary = index.summary()
-    assert columns(index.variants, summary.test)["decided"] == ["sound after 2", "broken after 1"]
+    assert columns(index.variants, summary.test)["decided"] == [
+        "passing after 2",
+        "failing after 1",
+    ]
     assert (summary.planned, summary.state) == (4, "finished")
     write(root / "_execution" / "execution.yaml", "runs: 7\ndecide: {good: 3}\n")
     index.refresh()

@@ -79,7 +79,7 @@ def _impossible_decisions(parts: Parts) -> Iterator[Problem]:
         if test is not None and test.most is not None and test.shortest(outcome) > test.most:
             yield parts.source.problem(
                 ("execution", "runs"),
-                f"no configuration can be called {state} after {test.most} runs",
+                f"no configuration can be classified as {state.word} after {test.most} runs",
                 f"It takes at least {test.shortest(outcome)}: raise `max`, or `error`, or move "
                 "`good` and `bad` apart.",
             )

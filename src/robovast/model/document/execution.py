@@ -225,14 +225,14 @@ Count = Annotated[int, Field(ge=1, le=MOST_RUNS_OF_EACH)]
 
 
 class Decide(Section):
-    """Between which failure rates is decided."""
+    """Failure rates that classify a configuration as passing or failing."""
 
     good: Annotated[float, Field(gt=0, lt=1)]
-    """Failure rate up to which a configuration is sound."""
+    """Failure rate up to which a configuration is passing."""
     bad: Annotated[float, Field(gt=0, lt=1)]
-    """Failure rate from which on it is broken."""
+    """Failure rate from which on a configuration is failing."""
     error: Annotated[float, Field(gt=0, lt=0.5)] = 0.05
-    """Probability of a wrong decision, for a sound configuration as for a broken one."""
+    """Probability of a wrong decision, for passing and for failing configurations."""
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:
@@ -246,14 +246,14 @@ class Decide(Section):
 
 
 class RunsAsNeeded(Section):
-    """As many runs of each configuration as it takes to call it sound or broken."""
+    """Run each configuration until it is classified as passing or failing."""
 
     min: Count = 3
-    """Runs before which nothing is decided."""
+    """Minimum number of runs before a decision."""
     max: Count = 50
-    """Runs after which a configuration stays undecided."""
+    """Maximum number of runs; then the configuration is inconclusive."""
     decide: Decide
-    """Between which failure rates is decided."""
+    """Failure rates that classify a configuration as passing or failing."""
 
     @model_validator(mode="after")
     def _check_order(self) -> Self:

@@ -46,8 +46,9 @@ def test_rates_to_decide_between_are_a_test_of_at_most_so_many_runs(tmp_path: Pa
 
 def test_too_few_runs_for_a_decision_are_warned_of(tmp_path: Path) -> None:
     (warning,) = load(tmp_path, "{max: 10, decide: {good: 0.05, bad: 0.2}}").warnings
-    assert "c.vast:4:9: execution.runs: no configuration can be called sound after 10" in str(
-        warning
+    assert (
+        "c.vast:4:9: execution.runs: no configuration can be classified as passing after 10"
+        in str(warning)
     )
     assert "It takes at least 18" in str(warning)
 
