@@ -18,32 +18,41 @@ from robovast_cli.ui.usage import normalize_paths, usage_explained
 from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
-    "init": Lazy("robovast_cli.commands.init:app", "Make a folder a project: name its .vast file."),
+    "init": Lazy(
+        "robovast_cli.commands.init:app",
+        "Create a project file that names the .vast file.",
+    ),
     "config": Lazy(
         "robovast_cli.commands.config.app:app",
         "List, generate and check configurations.",
         aliases=("configuration",),
     ),
     "exec": Lazy("robovast_cli.commands.exec.app:app", "Run campaigns.", aliases=("execution",)),
-    "replay": Lazy("robovast_cli.commands.replay:app", "Execute a run again, and compare."),
+    "replay": Lazy(
+        "robovast_cli.commands.replay:app", "Run a stored run again and compare the results."
+    ),
     "minimise": Lazy(
-        "robovast_cli.commands.minimise:app", "Find the mildest parameters with which a run fails."
+        "robovast_cli.commands.minimise:app",
+        "Reduce the parameters of a failed run.",
     ),
     "results": Lazy(
         "robovast_cli.commands.results.app:app",
         "Download, postprocess, query and publish results.",
     ),
     "evaluation": Lazy(
-        "robovast_cli.commands.evaluation.app:app", "Look at results.", aliases=("eval",)
+        "robovast_cli.commands.evaluation.app:app",
+        "Browse results in the web UI and in notebooks.",
+        aliases=("eval",),
     ),
-    "view": Lazy("robovast_cli.commands.view:app", "Play what a run has recorded."),
-    "mcp": Lazy("robovast_cli.commands.mcp:app", "Let an assistant look at results (MCP)."),
+    "view": Lazy("robovast_cli.commands.view:app", "Play back the recording of a run."),
+    "mcp": Lazy("robovast_cli.commands.mcp:app", "Start an MCP server for AI assistants."),
     "import-results": Lazy(
         "robovast_cli.commands.results.import_results:app",
-        "Take over a campaign that comes as an archive.",
+        "Import a campaign archive.",
     ),
     "install-completion": Lazy(
-        "robovast_cli.commands.completion:app", "Complete commands and options in your shell."
+        "robovast_cli.commands.completion:app",
+        "Install command completion for your shell.",
     ),
 }
 """Commands and groups of `vast`; a further group needs one line here and a module."""
@@ -72,7 +81,7 @@ class Root(TyperGroup):
         return super().get_command(ctx, cmd_name) or self.plugins.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that is called; an unknown one says which group has its name."""
+        """Return the called command; the error for an unknown name lists commands of groups."""
         try:
             return super().resolve_command(ctx, args)
         except typer.TyperException as error:
@@ -95,7 +104,7 @@ class Root(TyperGroup):
 
 
 app = new_app(
-    "Vary a robot scenario, run every variant, say what failed, where and why.",
+    "Run robot scenarios in many variations and analyze their failures.",
     cls=Root,
     no_args_is_help=True,
     add_completion=True,
@@ -119,7 +128,7 @@ def vast(
             "-l",
             "--log-level",
             case_sensitive=False,
-            help="Verbosity on stderr; by default the project's level, or `warning`.",
+            help="Verbosity on stderr (default: from the project, else warning).",
             show_default=False,
         ),
     ] = None,
@@ -129,7 +138,7 @@ def vast(
             "-V",
             "--vast-file",
             metavar="PATH",
-            help="The .vast file; the project's, else the only one in this folder.",
+            help="The .vast file (default: from the project, else the only *.vast here).",
             show_default=False,
         ),
     ] = None,

@@ -13,23 +13,30 @@ from typer.completion import (  # type: ignore[attr-defined]  # documented, not 
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import InputError
 from robovast.base.file_errors import read_text, writing
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Complete commands and options in your shell.")
+app = new_app("Install command completion for your shell.")
 
 Shell = Literal["bash", "zsh", "fish"]
 
 
 @app.command()
+@examples(
+    ("vast install-completion", "Use the shell in $SHELL"),
+    ("vast install-completion zsh", "Install completion for zsh"),
+)
 def install_completion(
     shell: Annotated[
         Shell | None,
-        typer.Argument(help="The shell; the one of $SHELL when omitted.", show_default=False),
+        typer.Argument(help="Shell: bash, zsh or fish (default: from $SHELL).", show_default=False),
     ] = None,
 ) -> None:
-    """Complete commands and options in your shell: writes a script, and a line that loads it."""
+    """Install command completion for your shell.
+
+    Writes a script. For bash and zsh, also adds a line to `.bashrc` or `.zshrc` that loads it.
+    """
     script = _install(shell or _own_shell(), Path.home())
-    typer.echo(f"Completion is in {script}. Start a new shell, or: source {script}")
+    typer.echo(f"Completion is installed in {script}. Start a new shell, or run: source {script}")
 
 
 def _own_shell() -> Shell:
@@ -38,7 +45,7 @@ def _own_shell() -> Shell:
         if name == shell:
             return shell
     raise InputError(
-        f"the shell of $SHELL, {name or 'unset'}, is not bash, zsh or fish: name one of them, as "
+        f"$SHELL must be bash, zsh or fish, not {name or 'unset'}. Name the shell, for example "
         "`vast install-completion bash`."
     )
 

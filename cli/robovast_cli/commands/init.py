@@ -6,19 +6,23 @@ from typing import Annotated, Literal
 import typer
 
 from robovast.model.project import create_project
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 from robovast_cli.workspace import shown
 
-app = new_app("Make the working directory a project: its commands know their .vast file.")
+app = new_app("Create a project file that names the .vast file.")
 
 
 @app.command()
+@examples(
+    ("vast init robot.vast", "Use robot.vast in this folder and below"),
+    ("vast init robot.vast -r /data/results --force", "Replace the project file"),
+)
 def init(
     config: Annotated[Path, typer.Argument(metavar="CONFIG", help="The .vast file.")],
     results_dir: Annotated[
         Path,
         typer.Option(
-            "-r", "--results-dir", metavar="PATH", help="Where campaigns and their results go."
+            "-r", "--results-dir", metavar="PATH", help="Folder for campaigns and their results."
         ),
     ] = Path("results"),
     log_level: Annotated[
@@ -26,7 +30,7 @@ def init(
         typer.Option(
             "--project-log-level",
             case_sensitive=False,
-            help="Log level of every command in this project.",
+            help="Log level of all commands in this project (default: warning).",
             show_default=False,
         ),
     ] = None,
@@ -34,7 +38,12 @@ def init(
         bool, typer.Option("-f", "--force", help="Replace an existing project file.")
     ] = False,
 ) -> None:
-    """Make the working directory a project: commands in it and below know their .vast file."""
+    """Create a project file that names the .vast file.
+
+    Commands in this folder and below use the .vast file and the results folder of the project.
+    """
     path = create_project(Path.cwd(), config, results_dir, log_level, force=force)
     typer.echo(f"Project file {shown(path)}: {shown(config)}, results in {shown(results_dir)}.")
-    typer.echo("Next: `vast config list` shows what will run, `vast exec local run` runs it.")
+    typer.echo(
+        "Next: `vast config list` lists the configurations, `vast exec local run` runs them."
+    )

@@ -1,4 +1,4 @@
-"""`vast mcp`: results as tools for assistants."""
+"""`vast mcp`: results as tools for AI assistants."""
 
 import os
 import secrets
@@ -10,15 +10,20 @@ import typer
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import MCP
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 from robovast_cli.ui.output import say
 
 TOKEN = "ROBOVAST_MCP_TOKEN"  # noqa: S105  # the variable's name
 
-app = new_app("Let an assistant look at results (MCP).")
+app = new_app("Start an MCP server for AI assistants.")
 
 
 @app.command()
+@examples(
+    ("claude mcp add robovast -- vast mcp -r results", "Register the server in Claude Code"),
+    ("vast mcp -r results", "Serve over stdio"),
+    ("vast mcp --transport streamable-http -p 0", "Serve over HTTP at a free port"),
+)
 def mcp(
     ctx: typer.Context,
     results_dir: ResultsDir = None,
@@ -26,24 +31,26 @@ def mcp(
         Literal["stdio", "streamable-http", "sse"],
         typer.Option(
             "--transport",
-            help="How clients talk to it: `stdio` when they start it, else HTTP (`sse`: old ones).",
+            help="Transport: `stdio` if the client starts the server, else HTTP (`sse` for old "
+            "clients).",
         ),
     ] = "stdio",
     host: Annotated[
-        str, typer.Option("--host", metavar="HOST", help="Loopback address, for HTTP.")
+        str, typer.Option("--host", metavar="HOST", help="Loopback address for HTTP.")
     ] = "127.0.0.1",
     port: Annotated[
-        int, typer.Option("-p", "--port", min=0, max=65535, help="Port, for HTTP; 0 for any free.")
+        int,
+        typer.Option(
+            "-p", "--port", min=0, max=65535, help="Port for HTTP; 0 selects a free port."
+        ),
     ] = 8000,
     debug: Annotated[bool, typer.Option("--debug", help="Log all messages to stderr.")] = False,
 ) -> None:
-    """Let an assistant look at results, over the Model Context Protocol.
+    """Start an MCP server for AI assistants.
 
-    The tools only read, and only below the results folder. Over HTTP, each request must carry a
-    token (`Authorization: Bearer …`): that of the environment variable ROBOVAST_MCP_TOKEN, else a
-    new one, which is printed.
-
-    Example: claude mcp add robovast -- vast mcp -r results
+    The tools can only read files in the results folder. Over HTTP, each request needs a token
+    (`Authorization: Bearer …`): the value of ROBOVAST_MCP_TOKEN, else a new token, which is
+    printed.
     """
     from robovast.model.naming import holds_campaign
 
@@ -63,7 +70,7 @@ def mcp(
 
 
 def choose_token(environment: Mapping[str, str]) -> tuple[str, str]:
-    """The token of HTTP requests, and how the user is told of it: one that is given stays unsaid.
+    """Return the token of HTTP requests and its description, which hides a given token.
 
     Raises:
         InputError: the one given is empty.
@@ -73,5 +80,5 @@ def choose_token(environment: Mapping[str, str]) -> tuple[str, str]:
         token = secrets.token_urlsafe(24)
         return token, f"this token: {token}"
     if not given.strip():
-        raise InputError(f"{TOKEN} is empty: give it a secret, or unset it for a new one.")
+        raise InputError(f"{TOKEN} is empty. Set it to a secret, or unset it for a new token.")
     return given, f"the token of {TOKEN}"

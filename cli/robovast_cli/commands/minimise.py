@@ -1,4 +1,4 @@
-"""`vast minimise`: fewer and milder parameters with which a run still fails."""
+"""`vast minimise`: reduce the parameters of a failed run."""
 
 from __future__ import annotations
 
@@ -9,56 +9,59 @@ import typer
 
 from robovast_cli.commands.replay import Image, Out, Runtime, brought_here
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Find the fewest list items and the mildest values with which a run still fails.")
+app = new_app("Reduce the parameters of a failed run.")
 
 
-@app.command()
+@app.command(epilog="Exit codes: 0 reduced, or the budget is used up · 130 interrupted")
+@examples(
+    ("vast minimise results/hall-2026-03-04-152130/hall-1/0", "Reduce a failure"),
+    ("vast minimise results/hall-2026-03-04-152130/hall-1/0 --budget 100", "Use fewer runs"),
+)
 def minimise(
     run: Annotated[
         Path,
         typer.Argument(
             metavar="RUN",
-            help="A run that failed, `<campaign>/<configuration>/<run>`: its folder or, without "
-            "one, its name in the cluster's storage.",
+            help="Failed run as <campaign>/<configuration>/<run>: a folder, or a name in the "
+            "object storage of the cluster.",
         ),
     ],
     budget: Annotated[
         int,
         typer.Option(
-            "--budget", min=1, metavar="RUNS", help="Executed runs after which no step begins."
+            "--budget", min=1, metavar="RUNS", help="Number of runs after which no step starts."
         ),
     ] = 200,
     good: Annotated[
         float,
-        typer.Option(help="What fails in at most this share of its runs does not fail any more."),
+        typer.Option(metavar="RATE", help="Highest failure rate of a passing step."),
     ] = 0.1,
     bad: Annotated[
-        float, typer.Option(help="What fails in at least this share of its runs still fails.")
+        float, typer.Option(metavar="RATE", help="Lowest failure rate of a failing step.")
     ] = 0.5,
     out: Out = Path("minimised"),
     resume: Annotated[
         Path | None,
         typer.Option(
             metavar="PATH",
-            help="Folder of an earlier `vast minimise` of this run, to continue it.",
+            help="Campaign folder of an interrupted `vast minimise` of this run, to resume.",
             show_default=False,
         ),
     ] = None,
     runtime: Runtime = "same",
     image: Image = None,
-    jobs: Annotated[int, typer.Option("-j", "--jobs", min=1, help="Runs side by side.")] = 1,
+    jobs: Annotated[int, typer.Option("-j", "--jobs", min=1, help="Number of parallel runs.")] = 1,
     context: Context = None,
     namespace: Namespace = None,
 ) -> int:
-    """Find the fewest list items and the mildest values with which a run still fails.
+    """Reduce the parameters of a failed run.
 
-    Mild is what configurations of the campaign have that pass, else the scenario's default. Each
-    step is run until a sequential test says whether it still fails, for the same cause. The run
-    stays as it is. Exit code 0: found, or the budget is used up; 130: interrupted.
-
-    Example: vast minimise results/hall-2026-03-04-152130/hall-1/0 --budget 100
+    Finds the fewest list items and the least extreme values that still fail. Moves values toward
+    those of passing configurations of the campaign, else toward the defaults of the scenario.
+    Each step runs until a sequential test decides whether it still fails for the same cause. The
+    stored run is not modified.
     """
     from robovast_cli.ui.minimise import minimised
 

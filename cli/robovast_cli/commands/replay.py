@@ -1,4 +1,4 @@
-"""`vast replay`: execute a stored run again, and compare."""
+"""`vast replay`: run a stored run again and compare the results."""
 
 from __future__ import annotations
 
@@ -10,35 +10,42 @@ import typer
 from robovast.base.errors import InputError
 from robovast.model.naming import is_run_number
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 Runtime = Annotated[
     Literal["same", "docker", "podman", "process"],
-    typer.Option("--runtime", help="What executes it; the same as then when omitted."),
+    typer.Option("--runtime", help="Runtime; `same` is the runtime of the stored run."),
 ]
 Image = Annotated[
     str | None,
     typer.Option(
         "--image",
-        help="Container image, in place of the one that ran.",
+        help="Container image (default: the image of the stored run).",
         show_default=False,
     ),
 ]
 Out = Annotated[
-    Path, typer.Option("--out", metavar="PATH", help="Folder for the new campaign's folder.")
+    Path,
+    typer.Option(
+        "-o", "--output", "--out", metavar="PATH", help="Parent folder of the new campaign."
+    ),
 ]
 
-app = new_app("Execute a run again, with its files, parameters, seed and image, and compare.")
+app = new_app("Run a stored run again and compare the results.")
 
 
-@app.command()
+@app.command(epilog="Exit codes: 0 all re-runs match · 1 a re-run differs · 130 interrupted")
+@examples(
+    ("vast replay results/hall-2026-03-04-152130/hall-1/0", "Run it again"),
+    ("vast replay results/hall-2026-03-04-152130/hall-1/0 --times 10", "Check for nondeterminism"),
+)
 def replay(
     run: Annotated[
         Path,
         typer.Argument(
             metavar="RUN",
-            help="`<campaign>/<configuration>/<run>`: its folder or, without one, its name in the "
-            "cluster's storage.",
+            help="Run as <campaign>/<configuration>/<run>: a folder, or a name in the object "
+            "storage of the cluster.",
         ),
     ],
     times: Annotated[
@@ -47,7 +54,8 @@ def replay(
             "--times",
             min=1,
             max=100_000,
-            help="How often; with 2 or more, also say whether the harness is flaky.",
+            help="Number of re-runs. With 2 or more, also report whether they are "
+            "nondeterministic.",
         ),
     ] = 1,
     out: Out = Path("replays"),
@@ -56,7 +64,8 @@ def replay(
         typer.Option(
             "--compare",
             metavar="GLOB",
-            help="Output to compare, in place of the document's; may be repeated.",
+            help="Output to compare (default: `execution.compare`, else all CSV files) "
+            "(repeatable).",
             show_default=False,
         ),
     ] = None,
@@ -64,18 +73,15 @@ def replay(
     image: Image = None,
     jobs: Annotated[
         int,
-        typer.Option("-j", "--jobs", min=1, help="Replays side by side."),
+        typer.Option("-j", "--jobs", min=1, help="Number of re-runs in parallel."),
     ] = 1,
     context: Context = None,
     namespace: Namespace = None,
 ) -> int:
-    """Execute a run again, with its files, parameters, seed and image, and compare.
+    """Run a stored run again and compare the results.
 
-    The run stays as it is. Verdict and outputs are compared: those that `execution.compare` names,
-    else all CSV files that the run wrote. Exit code 0: all replays had the run's result; 1: one
-    had another; 130: interrupted.
-
-    Example: vast replay results/hall-2026-03-04-152130/hall-1/0 --times 10
+    Uses the files, parameters, seed and image of the stored run, and compares verdict and outputs.
+    The stored run is not modified.
     """
     from robovast_cli.ui.replay import replayed
 
@@ -84,14 +90,14 @@ def replay(
 
 
 def brought_here(run: Path, out: Path, context: str | None, namespace: str | None) -> Path:
-    """The folder of a run, fetched below `out` if only a cluster has it."""
+    """Return the folder of a run, downloaded below `out` if only a cluster has it."""
     if not is_stored_elsewhere(run):
         if context or namespace:
             option = "`--context`" if context else "`-n` (`--namespace`)"
             count = namespace if namespace and namespace.isdecimal() else None
-            times = f" For {count} replays: `vast replay --times {count}`." if count else ""
+            times = f" For {count} re-runs, use `vast replay --times {count}`." if count else ""
             raise InputError(
-                f"{run} is on this machine, but {option} chooses a run of a cluster. "
+                f"{run} is on this machine, but {option} selects a run on a cluster. "
                 f"Remove {option}.{times}"
             )
         return run

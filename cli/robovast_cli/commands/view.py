@@ -1,4 +1,4 @@
-"""`vast view`: what a run has recorded, played in the browser."""
+"""`vast view`: play back the recording of a run in the browser."""
 
 from importlib import import_module
 from pathlib import Path
@@ -12,15 +12,19 @@ from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import ROS
 from robovast.model.naming import is_run_number
 from robovast_cli.commands.evaluation.gui import NoBrowser, Port, make_starting, present, serving
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 from robovast_cli.ui.output import say
 
 PLAYER = "robovast.evaluation.drive.drives"
 
-app = new_app("Play what a run has recorded.")
+app = new_app("Play back the recording of a run.")
 
 
 @app.command()
+@examples(
+    ("vast view results/hall-2026-03-04-152130/hall-1/0", "Play back in the web UI"),
+    ("vast view results/hall-2026-03-04-152130/hall-1/0 --rerun", "Play back in Rerun"),
+)
 def view(
     ctx: typer.Context,
     run: Annotated[
@@ -31,25 +35,25 @@ def view(
     ],
     rerun: Annotated[
         bool,
-        typer.Option("--rerun", help="Show the recording in Rerun instead (extra `rerun`)."),
+        typer.Option("--rerun", help="Show the recording in Rerun (extra `rerun`)."),
     ] = False,
     foxglove: Annotated[
         bool,
         typer.Option(
             "--foxglove",
-            help="Serve the recording to Lichtblick or Foxglove, and print how to open it there.",
+            help="Serve the recording to Lichtblick or Foxglove and print the address.",
         ),
     ] = False,
     port: Port = None,
     no_browser: NoBrowser = False,
 ) -> int:
-    """Play what a run has recorded: map, robot, laser, paths and events on one time line.
+    """Play back the recording of a run.
 
-    The page answers on this machine only, at an address that holds a secret. Nothing is
-    postprocessed. Ctrl-C ends it.
+    Shows map, robot, laser scan, paths and events on one timeline. The web UI is available only
+    on this machine, at an address with a secret. Nothing is postprocessed. Press Ctrl-C to stop.
     """
     if rerun and foxglove:
-        raise InputError("`--rerun` and `--foxglove` exclude each other: name one of them.")
+        raise InputError("`--rerun` and `--foxglove` exclude each other. Use one of them.")
     serve = serving()
     from robovast.evaluation.library import Library
 
@@ -122,18 +126,18 @@ def _place(path: Path) -> tuple[Path, tuple[str, ...]]:
     from robovast.evaluation.notebooks.workloads import target_of
 
     if not path.is_dir():
-        raise InputError(f"There is no folder {path}.")
+        raise InputError(f"the folder {path} does not exist.")
     target = target_of(path)
     names = target.names[:3]
     if len(names) < 3 or not is_run_number(names[2]):
         raise InputError(
-            f"{path} is the folder of {'a campaign' if len(names) == 1 else 'no run'}; name that "
-            "of a run, <campaign>/<configuration>/<number>. `vast evaluation gui -r` shows all "
-            "of a campaign."
+            f"{path} is {'the folder of a campaign' if len(names) == 1 else 'not a run folder'}. "
+            "Name the folder of a run, <campaign>/<configuration>/<number>. `vast evaluation gui "
+            "-r` shows all runs of a campaign."
         )
     if not bags_in(list_files(target.results, "/".join(names))):
         raise InputError(
-            f"{path} has no recording: no folder with .mcap or .db3 files. A run is played if its "
-            "scenario records a bag to the output folder."
+            f"{path} has no recording: no folder contains .mcap or .db3 files. Record a bag to the "
+            "output folder in the scenario."
         )
     return target.results, names

@@ -8,8 +8,8 @@ import typer
 def _has_no_effect(given: list[str] | str | None) -> list[str] | str | None:
     if given:
         typer.echo(
-            "note: cluster configurations and their options count for `vast exec cluster setup` "
-            "alone: the cluster knows since then what it is; here they have no effect.",
+            "note: cluster configurations and their options have an effect only in `vast exec "
+            "cluster setup`, which stores them in the cluster.",
             err=True,
         )
     return given
@@ -21,7 +21,7 @@ Context = Annotated[
         "-x",
         "--context",
         metavar="NAME",
-        help="Context of the kubeconfig; the current one when omitted.",
+        help="Context of the kubeconfig (default: the current context).",
         show_default=False,
     ),
 ]
@@ -31,7 +31,7 @@ Namespace = Annotated[
         "-n",
         "--namespace",
         metavar="NAME",
-        help="Namespace; the context's, else `default`, when omitted.",
+        help="Namespace (default: from the context, else `default`).",
         show_default=False,
     ),
 ]
@@ -41,7 +41,7 @@ CampaignName = Annotated[
         "-i",
         "--campaign",
         metavar="NAME",
-        help="The campaign: its name, or that of its results folder.",
+        help="Campaign, by its name or the name of its results folder.",
         show_default=False,
     ),
 ]
@@ -50,11 +50,11 @@ SetupOptions = Annotated[
     list[str] | None,
     typer.Option("-o", "--option", metavar="KEY=VALUE", hidden=True, callback=_has_no_effect),
 ]
-"""What the existing tool's commands take: here the cluster itself knows it."""
+"""Options of the original RoboVAST, without effect because the cluster stores them."""
 
 
 def setup_config(letter: str) -> Any:
-    """The existing tool's option that names a cluster configuration."""
+    """Return the option of the original RoboVAST that names a cluster configuration."""
     return typer.Option(
         f"-{letter}", "--cluster-config", metavar="NAME", hidden=True, callback=_has_no_effect
     )

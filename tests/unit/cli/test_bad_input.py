@@ -180,10 +180,10 @@ def test_run_files_that_are_not_there_are_a_warning(vast, folder: Path) -> None:
     assert outcome.err == (
         f"warning: bad.vast:5:5: execution.run_files[0]: `files/*.py` matches no file in {folder}\n"
         "    Patterns are relative to the .vast file and stay in its folder.\n"
-        "differs from the existing tool: bad.vast:1:1: one configuration, `config1`, runs; "
+        "differs from the original RoboVAST: bad.vast:1:1: one configuration, `config1`, runs; "
         "there nothing did\n"
-        "differs from the existing tool: bad.vast:5:5: execution.run_files[0]: `files/*.py` gives "
-        "a warning; there it gives none\n"
+        "differs from the original RoboVAST: bad.vast:5:5: execution.run_files[0]: `files/*.py` "
+        "gives a warning; there it gives none\n"
     )
 
 
@@ -439,8 +439,14 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
         (["config", "export-configs"], "Usage: vast config export-configs [OPTIONS] PATTERN...\n"),
         (["exec", "cluster", "stop", "-x", "a", "--context", "b"], "'--context': is given twice"),
         (["results", "summary", "--context", "a", "--context=a"], "repeat the command for each"),
-        (["exec", "local", "run", "a", "-o", "b"], "OUT is a, and --output is b; name one."),
-        (["exec", "local", "run", "a", "--resume", "b"], "the results go to the campaign"),
+        (
+            ["exec", "local", "run", "a", "-o", "b"],
+            "OUT (a) and --output (b) differ. Use one of them.",
+        ),
+        (
+            ["exec", "local", "run", "a", "--resume", "b"],
+            "`--resume` stores results in the campaign",
+        ),
     ],
 )
 def test_usage_errors(vast, sweep: Path, arguments: list[str], message: str) -> None:

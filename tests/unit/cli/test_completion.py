@@ -84,7 +84,7 @@ def test_the_shell_is_that_of_the_user(vast, home: Path, monkeypatch) -> None:
     monkeypatch.setenv("SHELL", "/bin/tcsh")
     outcome = vast("install-completion")
     assert outcome.code == 2
-    assert "tcsh, is not bash, zsh or fish" in outcome.err
+    assert "must be bash, zsh or fish, not tcsh" in outcome.err
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")

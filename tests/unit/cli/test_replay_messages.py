@@ -10,9 +10,9 @@ import pytest
 @pytest.mark.parametrize(
     ("options", "said", "not_said"),
     [
-        (("-n", "3"), "For 3 replays: `vast replay --times 3`", "--context"),
-        (("--namespace", "robots"), "`-n` (`--namespace`) chooses a run of a cluster", "--times"),
-        (("--context", "lab"), "`--context` chooses a run of a cluster", "--namespace"),
+        (("-n", "3"), "For 3 re-runs, use `vast replay --times 3`", "--context"),
+        (("--namespace", "robots"), "`-n` (`--namespace`) selects a run on a cluster", "--times"),
+        (("--context", "lab"), "`--context` selects a run on a cluster", "--namespace"),
     ],
 )
 def test_options_of_clusters_do_not_apply_to_folders(

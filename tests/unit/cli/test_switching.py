@@ -89,12 +89,12 @@ def test_options_of_cluster_configurations_are_taken_and_explained(
 ) -> None:
     outcome = vast("exec", "cluster", "prepare-run", "-k", "rke2", "-o", "storage_size=1Gi", "run")
     assert outcome.code == 0
-    assert "count for `vast exec cluster setup` alone" in outcome.err
+    assert "have an effect only in `vast exec cluster setup`" in outcome.err
     monkeypatch.setenv("KUBECONFIG", "none")
     for command in (["cleanup", "-c", "gcp"], ["run-cleanup"], ["download-cleanup"]):
         outcome = vast("exec", "cluster", *command, "-o", "a=b")
         assert outcome.code == 3, outcome  # there is no cluster
-        assert "here they have no effect" in outcome.err
+        assert "have an effect only in `vast exec cluster setup`" in outcome.err
 
 
 def test_requests_are_shown_on_demand(vast, folder: Path) -> None:

@@ -59,7 +59,7 @@ def test_a_check_goes_on_with_what_needs_none_of_it(folder: Path) -> None:
     result = vast_without(["textx", "scipy"], "-V", str(folder / "plan.vast"), "config", "check")
     assert result.returncode == 2
     for words in (
-        "differs from the existing tool: ",
+        "differs from the original RoboVAST: ",
         "`some` is not a number of CPUs",
         "configuration `a`, variation `FloorplanGeneration`: FloorplanGeneration needs",
         "configuration `b`, variation `PathVariationRandom`: PathVariationRandom needs",

@@ -63,7 +63,7 @@ def print_check(document: Document) -> None:
         CannotRunError: this machine lacks something that it needs.
     """
     for difference in differences(document):
-        typer.echo(f"differs from the existing tool: {difference}", err=True)
+        typer.echo(f"differs from the original RoboVAST: {difference}", err=True)
     errors: list[RobovastError] = []
     with _noted(errors):
         _check_resources(document)

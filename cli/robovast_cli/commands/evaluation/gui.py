@@ -1,4 +1,4 @@
-"""`vast evaluation gui`: results in the browser."""
+"""`vast evaluation gui`: the web UI."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import GUI
 from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import Workspace
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from robovast.evaluation.server.launches import Starting
     from robovast.evaluation.server.preparing import Preparation
 
-app = new_app("Look at results in the browser.")
+app = new_app("Start the web UI.")
 
 NO_START = (
-    "This page only shows results (`--no-start`). On your machine, `vast exec local run` runs a "
-    "campaign there and `vast exec cluster run` one in a cluster."
+    "This web UI only shows results (`--no-start`). To run a campaign, use `vast exec local run` "
+    "on your machine or `vast exec cluster run` on a cluster."
 )
-IN_BUCKET = "This page only shows a campaign in a bucket (`--bucket`)."
+IN_BUCKET = "This web UI only shows a campaign in a bucket (`--bucket`)."
 
 Port = Annotated[
     int | None,
@@ -39,28 +39,34 @@ Port = Annotated[
         "--port",
         min=1,
         max=65535,
-        help="Port on this machine, to forward it over SSH; any free one when omitted.",
+        help="Local port, for example to forward it over SSH (default: a free port).",
         show_default=False,
     ),
 ]
 NoBrowser = Annotated[
-    bool, typer.Option("--no-browser", help="Print the address only, open no browser.")
+    bool, typer.Option("--no-browser", help="Print the address without opening a browser.")
 ]
 
 
 @app.command()
+@examples(
+    ("vast evaluation gui -r results", "Show all campaigns in results"),
+    ("vast evaluation gui --bucket hall-2026-03-04-152130", "Show a campaign in its bucket"),
+)
 def gui(
     ctx: typer.Context,
     results_dir: ResultsDir = None,
     force: Annotated[
         bool,
-        typer.Option("-f", "--force", help="Postprocess everything again, changed or not."),
+        typer.Option(
+            "-f", "--force", help="Postprocess all results again, even if they have not changed."
+        ),
     ] = False,
     skip_postprocessing: Annotated[
         bool,
         typer.Option(
             "--skip-postprocessing",
-            help="Show the results as they are; execute no command that a campaign names.",
+            help="Show the results as they are, without running commands of .vast files.",
         ),
     ] = False,
     override: Annotated[
@@ -69,7 +75,7 @@ def gui(
             "-o",
             "--override",
             metavar="VAST_FILE",
-            help="Use the commands and notebooks of this file for every campaign, not its own.",
+            help="Use commands and notebooks of this .vast file (default: each campaign's own).",
             show_default=False,
         ),
     ] = None,
@@ -80,31 +86,31 @@ def gui(
             "--notebook-timeout",
             metavar="SECONDS",
             min=1,
-            help="Stop a notebook that takes longer.",
+            help="Time limit of a notebook in seconds.",
         ),
     ] = 600,
     no_browser: NoBrowser = False,
     no_start: Annotated[
-        bool, typer.Option("--no-start", help="Let no campaign be started from the page.")
+        bool, typer.Option("--no-start", help="Do not allow starting campaigns in the web UI.")
     ] = False,
     bucket: Bucket = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> int:
-    """Look at results in the browser, those of a campaign that is still running too.
+    """Start the web UI.
 
-    The page is there at once; meanwhile the results are postprocessed, as `vast results
-    postprocess` does: that executes what their .vast files name. The page answers on this machine
-    only, at an address that holds a secret. Ctrl-C ends it.
+    The web UI opens immediately and also shows running campaigns. Meanwhile, it postprocesses
+    results like `vast results postprocess`, which runs the commands that .vast files name. The
+    web UI is available only on this machine, at an address with a secret. Press Ctrl-C to stop.
 
-    With --bucket the page shows a campaign where it is stored, when all its runs have ended: its
-    runs are read from its tables, and the files of a run are fetched when it is opened, into a
-    folder that is removed at the end. Nothing is postprocessed or started.
+    With --bucket, the web UI shows a finished campaign in its bucket. It reads the tables of the
+    campaign, and downloads the files of a run to a temporary folder when you open the run.
+    Nothing is postprocessed or started.
     """
     serve = serving()
     if bucket is not None:
         if results_dir is not None:
-            raise InputError("name one: `-r` is a folder here, `--bucket NAME` is in a bucket.")
+            raise InputError("`-r` (a folder) and `--bucket` exclude each other. Use one of them.")
         _show_bucket(serve, bucket, context, namespace, port, no_browser)
         return ExitCode.OK
     from robovast.evaluation.library import Library
@@ -154,7 +160,7 @@ def _show_bucket(
 
 
 def serving() -> "Callable[..., None]":
-    """The function that serves the page.
+    """Return the function that serves the web UI.
 
     Raises:
         CannotRunError: the extra `gui` is missing.
@@ -175,7 +181,7 @@ def present(folder: Path | str, page: str, *, no_browser: bool) -> None:
 def make_starting(
     workspace: Workspace, override: Path | None, no_start: bool, postprocess: bool
 ) -> "Starting":
-    """The document for campaigns started from the page: the override's or the project's."""
+    """Return the document of campaigns that the web UI starts: the override's or the project's."""
     from robovast.evaluation.server.launches import Starting
 
     program = _program()
@@ -186,7 +192,7 @@ def make_starting(
         try:
             document = workspace.path
         except InputError as error:
-            refusal = f"No campaign can be started from the page: {error}"
+            refusal = f"No campaign can be started in the web UI: {error}"
     absolute = None if document is None else document.absolute()
     return Starting(program, absolute, refusal, postprocess, say)
 
@@ -197,7 +203,7 @@ def _program() -> list[str]:
 
 
 def _preparation(folder: Path, force: bool, override: Path | None) -> "Preparation":
-    """Updates the tables; if that fails, it is reported and the page shows what exists."""
+    """Update the tables; if that fails, the web UI reports it and shows existing tables."""
     from robovast.evaluation.campaigns import find_campaigns
     from robovast.evaluation.server.preparing import Preparation
     from robovast.model.naming import holds_campaign

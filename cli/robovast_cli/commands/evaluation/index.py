@@ -7,22 +7,27 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Make the campaigns' `campaign.db`.")
+app = new_app("Create the `campaign.db` of campaigns.")
 
 
 @app.command()
+@examples(
+    ("vast evaluation index", "Index all campaigns of the project"),
+    ("vast evaluation index -r results/hall-2026-03-04-152130 --force", "Recreate one index"),
+)
 def index(
     ctx: typer.Context,
     results_dir: ResultsDir = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Also where it is newer than every run.")
+        bool, typer.Option("-f", "--force", help="Recreate a database that is newer than all runs.")
     ] = False,
 ) -> None:
-    """Make the `campaign.db` (SQLite) of campaigns: parameters and verdicts of each configuration.
+    """Create the `campaign.db` of campaigns.
 
-    `vast results postprocess` makes it, too. What a search wrote itself is left as it is.
+    The SQLite database contains parameters and verdicts of each configuration. `vast results
+    postprocess` also creates it. The database of a search is not modified.
     """
     from robovast.analysis.tables.campaign_store import index_campaign
     from robovast.campaign.finding import find_campaigns

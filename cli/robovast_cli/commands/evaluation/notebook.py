@@ -1,4 +1,4 @@
-"""`vast evaluation notebook`: a notebook of the results, in Jupyter."""
+"""`vast evaluation notebook`: a notebook on results, in Jupyter."""
 
 import os
 import shutil
@@ -10,7 +10,7 @@ import typer
 
 from robovast.base.errors import ExitCode
 from robovast.base.file_errors import read_content
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 from robovast_cli.ui.output import say
 
 app = new_app("Open a notebook on results in Jupyter.")
@@ -19,18 +19,20 @@ PROGRAMS = ("jupyter-lab", "jupyter-notebook")
 
 
 @app.command()
+@examples(
+    ("vast evaluation notebook results/hall-2026-03-04-152130", "Analyze a campaign"),
+    ("vast evaluation notebook results/hall-2026-03-04-152130 paths", "Open the notebook `paths`"),
+)
 def notebook(
     path: Annotated[
         Path,
-        typer.Argument(
-            metavar="FOLDER", help="Folder of a campaign, of a configuration of it or of a run."
-        ),
+        typer.Argument(metavar="FOLDER", help="Folder of a campaign, a configuration or a run."),
     ],
     workload: Annotated[
         str | None,
         typer.Argument(
             metavar="WORKLOAD",
-            help="Name in `evaluation.visualization`; not needed when there is only one.",
+            help="Name in `evaluation.visualization`, required if there are several.",
             show_default=False,
         ),
     ] = None,
@@ -40,7 +42,7 @@ def notebook(
             "--batch",
             metavar="N",
             min=0,
-            help="Of a search: the notebook for this batch, with `BATCH` set to its number.",
+            help="For a search: open the notebook for batch N, with `BATCH` set to N.",
             show_default=False,
         ),
     ] = None,
@@ -49,16 +51,15 @@ def notebook(
         typer.Option(
             "--override",
             metavar="VAST_FILE",
-            help="Take the notebook from this file, not from the campaign's own.",
+            help="Use the notebook of this .vast file (default: the campaign's own).",
             show_default=False,
         ),
     ] = None,
 ) -> int:
-    """Open a notebook in Jupyter, with `DATA_DIR` set to a folder of results.
+    """Open a notebook on results in Jupyter.
 
-    A copy of the notebook is written into the current folder, unless it is there already, and
-    opened with JupyterLab or Jupyter Notebook, whichever is installed. Nothing is executed before
-    you do so.
+    Copies the notebook into the current folder, unless the copy exists, and sets `DATA_DIR` to
+    the folder of results. Opens the copy with JupyterLab or Jupyter Notebook, without running it.
     """
     from robovast.base.optional_deps import NOTEBOOKS
     from robovast.evaluation.notebooks.data_dir import read_notebook
@@ -70,7 +71,7 @@ def notebook(
     parts = [] if batch is None else [f"batch-{batch}"]
     copy = Path(f"{'-'.join((original.stem, *target.names, *parts))}.ipynb")
     if copy.exists():
-        say(f"{copy} is there already; it is kept as it is.")
+        say(f"{copy} exists already and is not modified.")
     else:
         import nbformat
 
@@ -81,10 +82,10 @@ def notebook(
 
 
 def _open(copy: Path, modules: Path) -> int:
-    """Open a notebook, whose kernel finds the modules beside the original."""
+    """Open a notebook, whose kernel finds the modules next to the original."""
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     if program is None:
-        say("Jupyter is not installed; open the file with what you use: pip install jupyterlab.")
+        say("Jupyter is not installed. Open the file in your editor, or: pip install jupyterlab")
         return ExitCode.OK
     path = os.pathsep.join(filter(None, (str(modules), os.environ.get("PYTHONPATH"))))
     return subprocess.run([program, copy], env={**os.environ, "PYTHONPATH": path}).returncode

@@ -7,7 +7,7 @@ import typer
 
 from robovast_cli.lazy import examples, new_app
 
-app = new_app("Run on this machine: in Docker, in Podman or as plain processes.")
+app = new_app("Run campaigns on this machine.")
 
 Select = Annotated[
     list[str] | None,
@@ -15,8 +15,8 @@ Select = Annotated[
         "-c",
         "--config",
         metavar="NAME|GLOB",
-        help="Only these: a configuration, an entry, or a glob; `N/M`, of these the N-th of M "
-        "parts. May be repeated.",
+        help="Select configurations by name, entry or glob, or shard N of M with `N/M` "
+        "(repeatable).",
         show_default=False,
     ),
 ]
@@ -26,7 +26,7 @@ Runs = Annotated[
         "-r",
         "--runs",
         min=1,
-        help="Runs of each configuration; the file's `execution.runs` when omitted.",
+        help="Runs per configuration (default: `execution.runs`).",
         show_default=False,
     ),
 ]
@@ -34,23 +34,28 @@ Limits = Annotated[
     bool,
     typer.Option(
         "--use-resource-allocation",
-        help="Limit CPU and memory of the containers to what the file asks for.",
+        help="Limit CPU and memory of containers to the values in the .vast file.",
     ),
 ]
 LogTree = Annotated[
-    bool, typer.Option("-t", "--log-tree", help="Log the live behaviour tree of the scenario.")
+    bool, typer.Option("-t", "--log-tree", help="Log the live behavior tree of the scenario.")
 ]
-Debug = Annotated[bool, typer.Option("-d", "--debug", help="Debug log of scenario-execution.")]
+Debug = Annotated[
+    bool, typer.Option("-d", "--debug", help="Write the debug log of scenario-execution.")
+]
 
 
 @app.callback()
 def local() -> None:
-    """Run on this machine: in Docker, in Podman or as plain processes."""
+    """Run campaigns on this machine.
+
+    Runs use Docker, Podman or local processes (no container).
+    """
 
 
 @app.command(
-    epilog="Exit codes: 0 all passed · 1 a run failed · 2 invalid input · 4 a run errored · "
-    "130 interrupted"
+    epilog="Exit codes: 0 all passed · 1 a run failed · 2 invalid input · 3 cannot run · 4 a run "
+    "errored or was not started, none failed · 5 cannot write results · 130 interrupted"
 )
 @examples(
     ("vast exec local run", "Run all configurations"),
@@ -63,13 +68,13 @@ def run(
         Path | None,
         typer.Argument(
             metavar="OUT",
-            help="Folder for the campaign's folder; the project's results folder when omitted.",
+            help="Results folder (default: from the project, else `results`).",
             show_default=False,
         ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="PATH", help="The same as OUT.", show_default=False),
+        typer.Option("-o", "--output", metavar="PATH", help="Same as OUT.", show_default=False),
     ] = None,
     config: Select = None,
     runs: Runs = None,
@@ -78,8 +83,8 @@ def run(
         typer.Option(
             "--batches",
             min=1,
-            help="Of a search: end it after so many batches in all, whatever the file says. With "
-            "`--resume` one that has ended goes on.",
+            help="For a search: stop after N batches in total, regardless of the .vast file. With "
+            "`--resume`, extend a finished search.",
             show_default=False,
         ),
     ] = None,
@@ -89,7 +94,7 @@ def run(
             "-j",
             "--jobs",
             min=1,
-            help="Jobs side by side; as many as the CPUs allow that a run asks for when omitted.",
+            help="Number of parallel jobs (default: available CPUs / CPUs per run).",
             show_default=False,
         ),
     ] = None,
@@ -97,7 +102,7 @@ def run(
         Literal["docker", "podman", "process", "auto"],
         typer.Option(
             "--runtime",
-            help="What executes a run; `auto` chooses the first one available and reports it.",
+            help="Runtime; `auto` selects and reports the first available one.",
         ),
     ] = "auto",
     image: Annotated[
@@ -105,7 +110,7 @@ def run(
         typer.Option(
             "-i",
             "--image",
-            help="Container image; $ROBOVAST_IMAGE, then the file's, when omitted.",
+            help="Container image (default: $ROBOVAST_IMAGE, else `execution.image`).",
             show_default=False,
         ),
     ] = None,
@@ -114,8 +119,8 @@ def run(
         typer.Option(
             "--resume",
             metavar="CAMPAIGN_DIR",
-            help="Continue this campaign: finished runs are not repeated. More `--runs` are in "
-            "all, of those of `--config` alone if it is given.",
+            help="Resume this campaign without repeating finished runs. With `--runs N`, extend "
+            "to N runs in total, only for the `--config` selection if given.",
             show_default=False,
         ),
     ] = None,
@@ -123,40 +128,41 @@ def run(
         bool,
         typer.Option(
             "--reuse",
-            help="Take over runs that another campaign of the same results folder has executed "
-            "with equal inputs and seed. The file must set `execution.seed`.",
+            help="Reuse runs with identical inputs and seed from other campaigns in the results "
+            "folder. Requires `execution.seed`.",
         ),
     ] = False,
     abort_on_failure: Annotated[
         bool,
         typer.Option(
-            "--abort-on-failure", help="Start nothing more after a run that does not pass."
+            "--abort-on-failure", help="Start no more runs after the first unsuccessful run."
         ),
     ] = False,
     start_only: Annotated[
         bool,
         typer.Option(
-            "--start-only", help="Open a shell in the first run's container instead of running it."
+            "--start-only",
+            help="Open a shell in the container of the first run, without running it.",
         ),
     ] = False,
     gui: Annotated[
         bool | None,
         typer.Option(
             "--gui/--no-gui",
-            help="Show windows if there is a display (default: unless the campaign was imported).",
+            help="Show windows if a display is available (default: --gui, but --no-gui for "
+            "imported campaigns).",
         ),
     ] = None,
     network_host: Annotated[
-        bool, typer.Option("--network-host", help="Use the network of this machine.")
+        bool, typer.Option("--network-host", help="Use the network of this machine in containers.")
     ] = False,
     use_resource_allocation: Limits = False,
     log_tree: LogTree = False,
     debug: Debug = False,
 ) -> int:
-    """Run a campaign, or continue one, and say how it ended.
+    """Run a campaign on this machine.
 
-    Exit code 0: every run passed; 1: a test failed; 4: a run ended without a verdict, none
-    failed; 130: interrupted. docs/reference/exit-codes.md lists all.
+    Uses Docker or Podman if available and an image is set, otherwise local processes.
     """
     from robovast.execution.local.events import LocalOptions
     from robovast_cli.ui import campaign
@@ -183,10 +189,14 @@ def run(
         return open_shell(ctx.obj.document(), options)
     if resume is not None:
         if out or output:
-            raise typer.BadParameter("the results go to the campaign; name no OUT.", ctx)
+            raise typer.BadParameter(
+                "`--resume` stores results in the campaign. Remove OUT and `--output`.", ctx
+            )
         return campaign.resume(resume, options)
     if out and output and out != output:
-        raise typer.BadParameter(f"OUT is {out}, and --output is {output}; name one.", ctx)
+        raise typer.BadParameter(
+            f"OUT ({out}) and --output ({output}) differ. Use one of them.", ctx
+        )
     document = ctx.obj.document()
     if out and not (output or config):
         options = campaign.meant(document, out, options)
@@ -195,13 +205,15 @@ def run(
 
 
 @app.command()
+@examples(
+    ("vast exec local prepare-run manual -c hall-1", "Prepare one configuration"),
+    ("vast exec local prepare-run manual -c 'hall-*' --runs 2", "Prepare a selection, 2 runs each"),
+)
 def prepare_run(
     ctx: typer.Context,
     out: Annotated[
         Path,
-        typer.Argument(
-            metavar="DIR", help="New folder, or one that an earlier `prepare-run` has written."
-        ),
+        typer.Argument(metavar="DIR", help="New folder, or a folder of an earlier `prepare-run`."),
     ],
     config: Select = None,
     runs: Runs = None,
@@ -209,7 +221,7 @@ def prepare_run(
     log_tree: LogTree = False,
     debug: Debug = False,
 ) -> None:
-    """Write a folder with a `run.sh` for Docker Compose."""
+    """Write a folder with a `run.sh` that runs Docker Compose by hand."""
     from robovast.execution.local import LocalOptions, prepare_run
     from robovast_cli.workspace import shown
 
@@ -221,4 +233,4 @@ def prepare_run(
         debug=debug,
     )
     script = shown(prepare_run(ctx.obj.document(), out, options))
-    typer.echo(f"Run it with {script}; `{script} --help` tells more.")
+    typer.echo(f"Run {script}. `{script} --help` lists its options.")

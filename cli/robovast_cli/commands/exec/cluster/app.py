@@ -13,7 +13,7 @@ from robovast_cli.kube.options import (
     SetupOptions,
     setup_config,
 )
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 Image = Annotated[
     str | None,
@@ -21,7 +21,7 @@ Image = Annotated[
         "--image",
         envvar="ROBOVAST_IMAGE",
         show_envvar=False,
-        help="Container image; $ROBOVAST_IMAGE, then the file's, when omitted.",
+        help="Container image (default: $ROBOVAST_IMAGE, else `execution.image`).",
         show_default=False,
     ),
 ]
@@ -31,8 +31,8 @@ ConfigOption = Annotated[
         "-o",
         "--option",
         metavar="KEY=VALUE",
-        help="Option of the cluster configuration, or value of the chart as "
-        "`operator.replicas=2`; may be repeated.",
+        help="Option of the cluster configuration, or value of the chart such as "
+        "`operator.replicas=2` (repeatable).",
         show_default=False,
     ),
 ]
@@ -41,7 +41,7 @@ RunWords = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[CAMPAIGN] RUN",
-        help="The run by its folder, as `hall-1/0`; its campaign where there are several.",
+        help="Run, for example `hall-1/0`. Add CAMPAIGN if the namespace has several campaigns.",
         show_default=False,
     ),
 ]
@@ -49,7 +49,7 @@ CampaignWord = Annotated[
     str | None,
     typer.Argument(
         metavar="CAMPAIGN",
-        help="The campaign, where there are several.",
+        help="Campaign, required if the namespace has several.",
         show_default=False,
     ),
 ]
@@ -58,37 +58,44 @@ Secondary = Annotated[
     typer.Option(
         "--secondary",
         metavar="NAME",
-        help="The secondary container of this name; the main one when omitted.",
+        help="Secondary container (default: the main container).",
         show_default=False,
     ),
 ]
 
-app = new_app("Run on a Kubernetes cluster.", no_args_is_help=True)
+app = new_app("Run campaigns on a Kubernetes cluster.", no_args_is_help=True)
 
 
 @app.callback()
 def cluster() -> None:
-    """Run on a Kubernetes cluster."""
+    """Run campaigns on a Kubernetes cluster."""
 
 
-@app.command()
+@app.command(
+    epilog="Exit codes: 0 all passed · 1 a run failed · 2 invalid input · 3 cannot run · 4 a run "
+    "errored or was not started, none failed · 130 display interrupted"
+)
+@examples(
+    ("vast exec cluster run", "Run all configurations and wait"),
+    ("vast exec cluster run -c 'hall-*' --runs 5 --detach", "Submit a selection and exit"),
+    ("vast exec cluster run --dry-run > campaign.yaml", "Write the Campaign for Git"),
+)
 def run(
     ctx: typer.Context,
     config: Select = None,
     runs: Runs = None,
     image: Image = None,
-    detach: Annotated[
-        bool, typer.Option("--detach", help="Return as soon as the cluster has the campaign.")
-    ] = False,
+    detach: Annotated[bool, typer.Option("--detach", help="Submit the campaign and exit.")] = False,
     cleanup: Annotated[
-        bool, typer.Option("--cleanup", help="Remove finished campaigns before; results stay.")
+        bool,
+        typer.Option("--cleanup", help="First delete finished campaigns, but keep their results."),
     ] = False,
     parallelism: Annotated[
         int | None,
         typer.Option(
             "--parallelism",
             min=1,
-            help="Most pods at once; 100 when omitted.",
+            help="Maximum number of concurrent pods (default: 100).",
             show_default=False,
         ),
     ] = None,
@@ -96,8 +103,8 @@ def run(
         bool,
         typer.Option(
             "--reuse",
-            help="Take over runs that another campaign with this option has stored with equal "
-            "inputs and seed. The file must set `execution.seed`, and the image have a digest.",
+            help="Reuse runs with identical inputs and seed from other campaigns with this "
+            "option. Requires `execution.seed` and an image digest.",
         ),
     ] = False,
     queue: Annotated[
@@ -105,7 +112,7 @@ def run(
         typer.Option(
             "--queue",
             metavar="NAME",
-            help="Kueue LocalQueue that admits the campaign; `robovast`, if there, when omitted.",
+            help="Kueue LocalQueue of the campaign (default: `robovast`, if it exists).",
             show_default=False,
         ),
     ] = None,
@@ -114,35 +121,36 @@ def run(
         typer.Option(
             "--queue-priority",
             metavar="NAME",
-            help="Kueue WorkloadPriorityClass: what is higher comes first in the queue.",
+            help="Kueue WorkloadPriorityClass; higher priorities are admitted first.",
             show_default=False,
         ),
     ] = None,
     dry_run: Annotated[
         bool,
-        typer.Option("--dry-run", help="Print the Campaign, for Git or kubectl; create nothing."),
+        typer.Option(
+            "--dry-run", help="Print the Campaign for Git or kubectl, without creating it."
+        ),
     ] = False,
     estimate: Annotated[
         bool,
         typer.Option(
             "--estimate",
-            help="Print how long it would take and cost, by earlier campaigns of the file; "
-            "create nothing.",
+            help="Print the estimated duration and cost, based on earlier campaigns of the .vast "
+            "file, without creating the campaign.",
         ),
     ] = False,
     output: Annotated[
-        Literal["yaml", "json"], typer.Option("-o", "--output", help="How `--dry-run` prints it.")
+        Literal["yaml", "json"],
+        typer.Option("-o", "--output", help="Output format of `--dry-run`."),
     ] = "yaml",
     log_tree: LogTree = False,
     debug: Debug = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> int:
-    """Run a campaign on the cluster, follow it to its end, and say how it ended.
+    """Run a campaign on the cluster and wait until it completes.
 
-    Ctrl-C only ends the following. Exit code 0: every run passed; 1: a test failed; 4: a run
-    ended without a verdict, none failed; 130: no longer followed. docs/reference/exit-codes.md
-    lists all.
+    Ctrl-C stops the display, not the campaign.
     """
     from robovast.kubeapi.submission import SubmitOptions
     from robovast_cli.commands.exec.cluster import run as cluster_run
@@ -173,42 +181,57 @@ def run(
 
 
 @app.command()
+@examples(
+    ("vast exec cluster monitor", "Watch until no campaign is running"),
+    ("vast exec cluster monitor --once -n lab", "Print one snapshot of the namespace lab"),
+)
 def monitor(
     interval: Annotated[
-        float, typer.Option("-i", "--interval", min=0.2, help="Time between two looks [s].")
+        float, typer.Option("-i", "--interval", min=0.2, help="Refresh interval in seconds.")
     ] = 2.0,
-    once: Annotated[bool, typer.Option("--once", help="Print a table of all, and end.")] = False,
+    once: Annotated[
+        bool, typer.Option("--once", help="Print one snapshot of all campaigns and exit.")
+    ] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Show the progress of campaigns until none runs any more; Ctrl-C ends only the showing."""
+    """Watch running campaigns.
+
+    Exits when no campaign is running. Ctrl-C stops the display, not the campaigns.
+    """
     from robovast_cli.commands.exec.cluster import monitor as cluster_monitor
 
     cluster_monitor.monitor(context, namespace, interval=interval, once=once)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster logs hall-1/0 --follow", "Stream the log of a run"),
+    ("vast exec cluster logs hall-x7k2p hall-1/0 --tail 50", "Name the campaign, print 50 lines"),
+    ("vast exec cluster logs --failed", "Print the logs of all unsuccessful runs"),
+)
 def logs(
     words: RunWords = None,
     follow: Annotated[
-        bool, typer.Option("--follow", help="Wait for the run, print what comes.")
+        bool, typer.Option("--follow", help="Wait for the run to start and stream its log.")
     ] = False,
     secondary: Secondary = None,
     tail: Annotated[
         int | None,
         typer.Option(
-            "--tail", metavar="N", min=0, help="Only the last N lines.", show_default=False
+            "--tail", metavar="N", min=0, help="Print only the last N lines.", show_default=False
         ),
     ] = None,
     failed: Annotated[
-        bool, typer.Option("--failed", help="The logs of all failed and errored runs, in turn.")
+        bool, typer.Option("--failed", help="Print the logs of all failed and errored runs.")
     ] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Print the log of a run, whether it runs or is stored; say why it waits.
+    """Print the log of a running or stored run.
 
-    Where several runs share a pod, it is that run's part of the log.
+    If the run is pending, prints the reason for waiting. If several runs share a pod, prints only
+    the part of this run.
     """
     from robovast_cli.commands.exec.cluster import logs as cluster_logs
 
@@ -217,38 +240,53 @@ def logs(
 
 
 @app.command()
+@examples(
+    ("vast exec cluster runs", "List the runs of the only campaign"),
+    ("vast exec cluster runs hall-x7k2p --failed", "List failed and errored runs"),
+)
 def runs(
     campaign: CampaignWord = None,
     failed: Annotated[
-        bool, typer.Option("--failed", help="Only those that failed or errored.")
+        bool, typer.Option("--failed", help="List only failed and errored runs.")
     ] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Print which runs are executed now and by which pod, and which did not pass and why."""
+    """List the running and the unsuccessful runs of a campaign.
+
+    Shows the pod of each running run, and the reason of each failed or errored run.
+    """
     from robovast_cli.commands.exec.cluster import runs as cluster_runs
 
     cluster_runs.runs(context, namespace, campaign, failed=failed)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster shell hall-1/0", "Open a shell in the main container"),
+    ("vast exec cluster shell hall-1/0 --secondary simulator", "Open one in another container"),
+)
 def shell(
     words: RunWords = None,
     secondary: Secondary = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> int:
-    """Open a shell in the container of a run that is executed; needs kubectl."""
+    """Open a shell in the container of a running run (requires kubectl)."""
     from robovast_cli.commands.exec.cluster import shell as cluster_shell
 
     return cluster_shell.shell(context, namespace, words or [], secondary)
 
 
 @app.command("debug")
+@examples(
+    ("vast exec cluster debug hall-1/0", "Run a run of the only campaign again"),
+    ("vast exec cluster debug hall-x7k2p hall-1/0", "Name the campaign"),
+)
 def debug_run(words: RunWords = None, context: Context = None, namespace: Namespace = None) -> None:
-    """Execute a run once more in a pod of its own that stays, to look into it.
+    """Run a run again in a separate pod, and keep the pod for inspection.
 
-    With its parameters, seed and image; nothing of it is stored in the campaign's results.
+    Uses the parameters, seed and image of the run. The results of the campaign do not change.
     """
     from robovast_cli.commands.exec.cluster import debug as cluster_debug
 
@@ -256,27 +294,35 @@ def debug_run(words: RunWords = None, context: Context = None, namespace: Namesp
 
 
 @app.command()
+@examples(
+    ("vast exec cluster setup --list", "List the cluster configurations"),
+    ("vast exec cluster setup minikube -n lab", "Install RoboVAST in the namespace lab"),
+)
 def setup(
     cluster_config: Annotated[
         str | None,
         typer.Argument(
-            metavar="CLUSTER_CONFIG", help="Kind of cluster, as `gcp`.", show_default=False
+            metavar="CLUSTER_CONFIG",
+            help="Cluster configuration, for example `gcp`.",
+            show_default=False,
         ),
     ] = None,
     list_: Annotated[
-        bool, typer.Option("--list", help="List the cluster configurations, and end.")
+        bool, typer.Option("--list", help="List the cluster configurations and exit.")
     ] = False,
     option: ConfigOption = None,
     force: Annotated[
         bool,
         typer.Option(
-            "-f", "--force", help="Also when another cluster configuration was used before."
+            "-f",
+            "--force",
+            help="Replace an installation with a different cluster configuration.",
         ),
     ] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Install RoboVAST in the cluster, or renew it; needs Helm."""
+    """Install or upgrade RoboVAST in the cluster (requires Helm)."""
     from robovast_cli.commands.exec.cluster import setup as cluster_setup
 
     if list_ or cluster_config is None:
@@ -285,38 +331,61 @@ def setup(
 
 
 @app.command()
+@examples(
+    ("vast exec cluster cleanup -n lab", "Delete the installation in the namespace lab"),
+    ("vast exec cluster cleanup --force", "Delete it while campaigns run"),
+)
 def cleanup(
-    force: Annotated[bool, typer.Option("-f", "--force", help="Also while campaigns run.")] = False,
+    force: Annotated[
+        bool, typer.Option("-f", "--force", help="Delete RoboVAST even if campaigns are running.")
+    ] = False,
     _config: Annotated[str | None, setup_config("c")] = None,
     _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Remove RoboVAST from the cluster; needs Helm."""
+    """Delete RoboVAST from the cluster, but keep Campaigns and CRDs.
+
+    The results in the embedded storage are kept, unless the chart value `storage.embedded.keep`
+    is false. Requires Helm.
+    """
     from robovast_cli.commands.exec.cluster import setup as cluster_setup
 
     cluster_setup.cleanup(context, namespace, force=force)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster prepare-setup chart --cluster-config gcp", "Write to the folder chart"),
+    ("vast exec cluster prepare-setup chart --cluster-config rke2 -n lab", "Use a namespace"),
+)
 def prepare_setup(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
     cluster_config: Annotated[
         str,
-        typer.Option("--cluster-config", metavar="NAME", help="Kind of cluster, as `gcp`."),
+        typer.Option(
+            "--cluster-config",
+            metavar="NAME",
+            help="Cluster configuration, for example `gcp`.",
+        ),
     ],
     option: ConfigOption = None,
     namespace: Annotated[
-        str, typer.Option("-n", "--namespace", metavar="NAME", help="Where it will be installed.")
+        str,
+        typer.Option("-n", "--namespace", metavar="NAME", help="Namespace of the installation."),
     ] = "default",
 ) -> None:
-    """Write the chart, its values and instructions, to set a cluster up by hand."""
+    """Write the chart, its values and instructions for a manual setup."""
     from robovast_cli.commands.exec.cluster import setup as cluster_setup
 
     cluster_setup.prepare_setup(cluster_config, option or [], out, namespace)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster prepare-run manual", "Prepare all configurations"),
+    ("vast exec cluster prepare-run manual -c 'hall-*' --runs 2", "Prepare a selection"),
+)
 def prepare_run(
     ctx: typer.Context,
     out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
@@ -330,7 +399,7 @@ def prepare_run(
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Write the Campaign, and instructions, to run it with kubectl."""
+    """Write the Campaign and instructions to run it with kubectl."""
     from robovast.kubeapi.submission import SubmitOptions
     from robovast_cli.commands.exec.cluster import prepare as cluster_prepare
 
@@ -339,12 +408,16 @@ def prepare_run(
 
 
 @app.command()
+@examples(
+    ("vast exec cluster stop", "Stop the only running campaign"),
+    ("vast exec cluster stop -i hall-x7k2p", "Stop a campaign by its name"),
+)
 def stop(
     campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
 ) -> None:
-    """Stop a campaign: its pods end, stored runs are kept, and it can be resumed.
+    """Stop a campaign and keep its stored runs.
 
-    Runs in progress are not stored; they are executed again after `resume`.
+    Pods terminate. Runs in progress are not stored, but run again after `resume`.
     """
     from robovast_cli.commands.exec.cluster import control as cluster_control
 
@@ -352,6 +425,10 @@ def stop(
 
 
 @app.command()
+@examples(
+    ("vast exec cluster resume", "Resume the only stopped campaign"),
+    ("vast exec cluster resume -i hall-x7k2p --batches 20", "Extend a search to 20 batches"),
+)
 def resume(
     campaign: CampaignName = None,
     batches: Annotated[
@@ -359,60 +436,79 @@ def resume(
         typer.Option(
             min=1,
             metavar="N",
-            help="Let a search go on, even one that has ended: it ends after so many batches in "
-            "all, whatever its `budget` and `stopping` say.",
+            help="For a search, also a finished one: stop after N batches in total, regardless of "
+            "its `budget` and `stopping`.",
         ),
     ] = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Let a stopped campaign go on after its last stored run."""
+    """Resume a stopped campaign after its last stored run."""
     from robovast_cli.commands.exec.cluster import control as cluster_control
 
     cluster_control.resume(context, namespace, campaign, batches)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster retry", "Retry the only campaign with unsuccessful runs"),
+    ("vast exec cluster retry -i hall-x7k2p", "Retry a campaign by its name"),
+)
 def retry(
     campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
 ) -> None:
-    """Execute the failed and errored runs of a finished campaign once more."""
+    """Run the failed and errored runs of a finished campaign again."""
     from robovast_cli.commands.exec.cluster import control as cluster_control
 
     cluster_control.retry(context, namespace, campaign)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster run-cleanup", "Delete all finished campaigns"),
+    ("vast exec cluster run-cleanup -i hall-x7k2p --data", "Delete a campaign and its results"),
+)
 def run_cleanup(
     campaign: CampaignName = None,
     data: Annotated[
-        bool, typer.Option("--data", help="Also remove its results from the cluster's storage.")
+        bool, typer.Option("--data", help="Also delete the results from the object storage.")
     ] = False,
     _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Remove finished campaigns, or the one that is named, from the cluster; results stay."""
+    """Delete finished Campaigns from the cluster, but keep their results.
+
+    With --campaign, deletes this Campaign even if it is running.
+    """
     from robovast_cli.commands.exec.cluster import control as cluster_control
 
     cluster_control.run_cleanup(context, namespace, campaign, data=data)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster download-cleanup", "Delete results after confirmation"),
+    ("vast exec cluster download-cleanup -i hall-x7k2p --yes", "Delete results of one campaign"),
+)
 def download_cleanup(
     campaign: CampaignName = None,
-    yes: Annotated[bool, typer.Option("-y", "--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("-y", "--yes", help="Do not ask for confirmation.")] = False,
     _options: SetupOptions = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Remove the results of finished campaigns from the cluster's storage."""
+    """Delete the results of finished campaigns from the object storage."""
     from robovast_cli.commands.exec.cluster import control as cluster_control
 
     cluster_control.download_cleanup(context, namespace, campaign, ask=not yes)
 
 
 @app.command()
+@examples(
+    ("vast exec cluster upload-to-share", "Upload all finished campaigns"),
+    ("vast exec cluster upload-to-share -i hall-x7k2p --force", "Replace the archive of one"),
+)
 def upload_to_share(
     campaign: Annotated[
         list[str] | None,
@@ -420,34 +516,32 @@ def upload_to_share(
             "-i",
             "--campaign",
             metavar="NAME",
-            help="Only this campaign: its name, or that of its results folder. May be repeated; "
-            "all finished campaigns of the namespace when omitted.",
+            help="Campaign, by its name or the name of its results folder (default: all finished "
+            "campaigns of the namespace) (repeatable).",
             show_default=False,
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Replace existing archives on the share.")
+        bool, typer.Option("-f", "--force", help="Replace existing archives on the file share.")
     ] = False,
-    detach: Annotated[
-        bool, typer.Option("--detach", help="Return as soon as the cluster has begun.")
-    ] = False,
+    detach: Annotated[bool, typer.Option("--detach", help="Start the upload and exit.")] = False,
     image: Annotated[
         str | None,
         typer.Option(
             "--image",
-            help="Image of RoboVAST's agent, as one with a share provider of your own; that of "
-            "the campaigns' Jobs when omitted.",
+            help="Image of the RoboVAST agent, for example with your own share provider "
+            "(default: the agent image of the campaigns).",
             show_default=False,
         ),
     ] = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> int:
-    """Upload results of finished campaigns from the cluster to the share.
+    """Upload results of finished campaigns to the remote file share.
 
-    The cluster does it; Ctrl-C only ends the following. The share is described by
-    ROBOVAST_SHARE_TYPE and the variables of its kind, in the environment or a `.env` file in this
-    folder or above; docs/how-to/publish.md lists them. Existing archives are kept.
+    The upload runs in the cluster; Ctrl-C stops only the display. ROBOVAST_SHARE_TYPE and the
+    variables of this type configure the file share, in the environment or in a `.env` file in
+    this folder or above. docs/how-to/publish.md lists the variables. Existing archives are kept.
     """
     from robovast_cli.commands.exec.cluster.share import How, upload_to_share
 
