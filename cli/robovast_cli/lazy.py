@@ -42,6 +42,8 @@ class Lazy:
     """Line in the help of the group above."""
     aliases: tuple[str, ...] = ()
     """Further names, not shown in the help."""
+    section: str = "Commands"
+    """Heading in the help of the group above."""
 
 
 class LazyCommand(TyperCommand):
@@ -113,6 +115,15 @@ def new_group(help_text: str, table: Mapping[str, Lazy]) -> typer.Typer:
         def __init__(self, **attributes: Any) -> None:
             super().__init__(**attributes)
             add_lazy(self, table)
+
+        def format_commands(self, ctx: Any, formatter: Any) -> None:
+            """List the commands below the headings of the table."""
+            del ctx
+            column = max(map(len, table))
+            for heading in dict.fromkeys(entry.section for entry in table.values()):
+                rows = [(f"{n:{column}}", e.help) for n, e in table.items() if e.section == heading]
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
 
     app = new_app(help_text, cls=Group, no_args_is_help=True)
     app.callback()(_nothing)

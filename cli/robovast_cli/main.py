@@ -37,7 +37,7 @@ COMMANDS: Mapping[str, Lazy] = {
     ),
     "results": Lazy(
         "robovast_cli.commands.results.app:app",
-        "Download, postprocess, query and publish results.",
+        "Download, process, analyze and share results.",
     ),
     "evaluation": Lazy(
         "robovast_cli.commands.evaluation.app:app",
@@ -48,7 +48,7 @@ COMMANDS: Mapping[str, Lazy] = {
     "mcp": Lazy("robovast_cli.commands.mcp:app", "Start an MCP server for AI assistants."),
     "import-results": Lazy(
         "robovast_cli.commands.results.import_results:app",
-        "Import a campaign archive.",
+        "Import a campaign from an archive.",
     ),
     "install-completion": Lazy(
         "robovast_cli.commands.completion:app",

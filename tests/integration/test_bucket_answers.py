@@ -151,7 +151,7 @@ def test_a_bucket_without_a_graph_says_who_makes_it(
         )
     assert ended.value.code == ExitCode.BAD_INPUT
     said = capsys.readouterr().err
-    assert f"no graph is stored of {bucket}" in said
+    assert f"no graph is stored for {bucket}" in said
     assert "spec.processResults: true" in said
     assert "/tmp" not in said, "the folder of this command, which is gone"
 

@@ -17,29 +17,11 @@ from robovast_cli.main import command
 LONGEST_SUMMARY = 70
 WIDTH = 100
 
-NOT_CONVERTED = {
-    "import-results",
-    "results",
-    *(
-        f"results {name}"
-        for name in (
-            *("postprocess", "postprocess-commands", "query", "summary", "compare", "history"),
-            *("report", "coverage", "junit", "search", "download", "publish", "publish-commands"),
-            *("merge-campaigns", "list-share", "remove-from-share", "import-results"),
-            *("metadata", "sparql"),
-        )
-    ),
-}
-"""Commands whose help is to be rewritten."""
-
-SHARED = {"evaluation gui", "evaluation mcp-server", "mcp"}
-"""Commands with options of `results` commands, which are to be rewritten."""
-
 SAME = {"evaluation mcp-server": "mcp"}
 """Commands whose help is that of another one."""
 
-CONVERTED = {path: real for path, real in commands() if path not in NOT_CONVERTED}
-LEAVES = [path for path, real in CONVERTED.items() if not getattr(real, "commands", None)]
+COMMANDS = dict(commands())
+LEAVES = [path for path, real in COMMANDS.items() if not getattr(real, "commands", None)]
 
 
 def summary(text: str) -> str:
@@ -53,7 +35,7 @@ def help_of(path: str, real: Any) -> str:
 
 def examples_of(path: str) -> list[str]:
     """The commands of the examples, without their effects."""
-    block = CONVERTED[path].help.partition("Examples:\n")[2]
+    block = COMMANDS[path].help.partition("Examples:\n")[2]
     return re.findall(r"^ +(vast .*?)(?: [|>] .*|  .*)?$", block, re.MULTILINE)
 
 
@@ -79,9 +61,9 @@ def lines_of_tables(group: Any, path: str = "") -> Iterator[tuple[str, str]]:
             yield from lines_of_tables(child.load(), below)
 
 
-@pytest.mark.parametrize("path", CONVERTED)
+@pytest.mark.parametrize("path", COMMANDS)
 def test_the_summary_is_a_short_sentence(path: str) -> None:
-    text = summary(CONVERTED[path].help)
+    text = summary(COMMANDS[path].help)
     assert len(text) <= LONGEST_SUMMARY
     assert re.fullmatch(r"[A-Z].*[^.]\.", text), text
     assert ". " not in text
@@ -90,8 +72,8 @@ def test_the_summary_is_a_short_sentence(path: str) -> None:
 def test_a_group_shows_the_summary_of_its_commands() -> None:
     lines = dict(lines_of_tables(command()))
     assert lines.keys() >= {"exec local", "results summary"}
-    assert {path: lines[path] for path in CONVERTED if path in lines} == {
-        path: summary(real.help) for path, real in CONVERTED.items() if path in lines
+    assert {path: lines[path] for path in COMMANDS if path in lines} == {
+        path: summary(real.help) for path, real in COMMANDS.items() if path in lines
     }
 
 
@@ -103,16 +85,16 @@ def test_each_command_has_two_examples_that_parse(path: str) -> None:
     assert len(own) >= 2, "another command's example does not count"
 
 
-@pytest.mark.parametrize("path", CONVERTED)
+@pytest.mark.parametrize("path", COMMANDS)
 def test_no_line_is_too_wide(path: str) -> None:
-    lines = help_of(path, CONVERTED[path]).splitlines()
+    lines = help_of(path, COMMANDS[path]).splitlines()
     assert [line for line in lines if len(line) > WIDTH] == []
 
 
-@pytest.mark.parametrize("path", sorted(CONVERTED.keys() - SHARED))
+@pytest.mark.parametrize("path", COMMANDS)
 def test_defaults_have_one_notation(path: str) -> None:
-    text = help_of(path, CONVERTED[path])
+    text = help_of(path, COMMANDS[path])
     assert not re.search(r"\[default|when omitted|by default|may be repeated", text)
     assert text.count("(repeatable)") == sum(
-        getattr(param, "multiple", False) and not param.hidden for param in CONVERTED[path].params
+        getattr(param, "multiple", False) and not param.hidden for param in COMMANDS[path].params
     )

@@ -85,7 +85,7 @@ def test_some_campaigns_can_be_chosen(vast, results: Path) -> None:
     assert [path.name for path in (results / "out").iterdir()] == ["r2_2026-03-06-121530.zip"]
     outcome = vast("results", "publish", "-i", "nothing")
     assert (outcome.code, outcome.out) == (2, "")
-    assert f"there is no campaign `nothing` in results; it has {NAME}, {OTHER}." in outcome.err
+    assert f"no campaign `nothing` in results. Available: {NAME}, {OTHER}." in outcome.err
 
 
 def test_one_campaign_can_be_named_by_its_folder(vast, results: Path) -> None:
@@ -208,7 +208,7 @@ def test_a_share_is_listed_and_emptied(
     (tmp_path / ".env").write_text("MY_TOKEN=secret-77\n")
     outcome = vast("results", "list-share")
     assert outcome.out.splitlines() == [
-        "CAMPAIGN                   SIZE     HERE",
+        "CAMPAIGN                   SIZE     LOCAL",
         "far-away                   10 B     no",
         "far-off                    20 B     no",
         f"{NAME}  2.0 KiB  yes",
@@ -218,19 +218,19 @@ def test_a_share_is_listed_and_emptied(
     assert (outcome.code, outcome.out) == (2, "")
     outcome = vast("results", "remove-from-share", "-y", "-i", "far-*", "-i", "near")
     assert outcome.code == 2
-    assert f"there is no campaign `near` on the share; it has far-away, far-off, {NAME}." in (
+    assert f"no campaign `near` on the file share. Available: far-away, far-off, {NAME}." in (
         outcome.err
     )
     assert "secret-77" not in outcome.err + outcome.out
-    assert "Removed" not in outcome.out
+    assert "Deleted" not in outcome.out
     outcome = vast("results", "remove-from-share", "-i", "far-*", "-i", "near*", "-y")
     assert (outcome.code, outcome.out.splitlines()) == (
         0,
         [
             "far-away: 10 B",
             "far-off: 20 B",
-            "Removed far-away from the share.",
-            "Removed far-off from the share.",
+            "Deleted far-away from the file share.",
+            "Deleted far-off from the file share.",
         ],
     )
 
@@ -270,7 +270,7 @@ def test_a_described_share_is_where_results_come_from(
     )
     outcome = vast("results", "download")
     assert outcome.code == 3
-    assert "A share is not set either: ROBOVAST_SHARE_TYPE" in outcome.err
+    assert "To download from a file share, set ROBOVAST_SHARE_TYPE" in outcome.err
     assert vast("results", "download", "--from", "share").code == 2
     monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "share.py:Share")
     outcome = vast("results", "download", "-o", "home", "--keep-archive")

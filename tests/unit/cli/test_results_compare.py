@@ -112,12 +112,12 @@ def test_a_comment_and_a_report_are_written(vast, results, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((BASE, "gone"), "there is no campaign `gone`"),
+        ((BASE, "gone"), "no campaign `gone`"),
         ((BASE, "other"), "no configuration has the same parameters"),
-        ((BASE, "empty"), "has no stored run yet"),
+        ((BASE, "empty"), "has no stored runs"),
         ((BASE, "folder"), "folder contains no campaign"),
-        ((BASE, WORSE, "--margin", "-0.1"), "--margin -0.1: a share of runs is at least 0"),
-        ((BASE, WORSE, "--margin", "nan"), "--margin nan: a share of runs is at least 0"),
+        ((BASE, WORSE, "--margin", "-0.1"), "--margin -0.1: the rate must be at least 0"),
+        ((BASE, WORSE, "--margin", "nan"), "--margin nan: the rate must be at least 0"),
     ],
 )
 def test_bad_input_has_one_clear_message(vast, results, arguments, message) -> None:
@@ -189,7 +189,7 @@ def test_a_campaign_without_runs_has_no_report(vast, results) -> None:
     campaign(results, "empty", {}, variants=[])
     outcome = vast("results", "junit", "empty", "all.xml")
     assert outcome.code == 2
-    assert "has no stored run yet" in outcome.err
+    assert "has no stored runs" in outcome.err
 
 
 def test_a_campaign_has_no_difference_from_itself_or_its_copy(vast, results, tmp_path) -> None:

@@ -170,7 +170,7 @@ def test_what_cannot_be_read_is_left_out(vast, results) -> None:
         (("hall-9",), "has a configuration `hall-9`"),
         (("../cache",), "has a configuration `../cache`"),
         (("hall-3", "-i", DAYS[0]), f"{DAYS[0]} has no configuration hall-3"),
-        (("hall-3", "-i", "gone"), "there is no campaign `gone`"),
+        (("hall-3", "-i", "gone"), "no campaign `gone`"),
     ],
 )
 def test_bad_input_has_one_clear_message(vast, results, arguments, message) -> None:

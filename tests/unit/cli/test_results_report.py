@@ -172,8 +172,8 @@ def test_a_campaign_in_which_all_runs_passed_has_a_short_report(vast, results) -
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("nothing",), "there is no campaign `nothing`"),
-        ((NAME, "-b", "nothing"), "there is no campaign `nothing`"),
+        (("nothing",), "no campaign `nothing`"),
+        ((NAME, "-b", "nothing"), "no campaign `nothing`"),
         ((NAME, "-o", "report.pdf"), "report.pdf: a report is HTML or Markdown"),
     ],
 )

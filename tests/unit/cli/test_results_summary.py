@@ -136,9 +136,9 @@ def test_a_search_in_a_folder_named_from_here_is_given_batches(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("nothing",), "there is no campaign `nothing`"),
-        ((NAME, "--limit", "1"), "--limit 1: a share of runs is above 0 and below 1"),
-        ((NAME, "--limit", "nan"), "--limit nan: a share of runs is above 0 and below 1"),
+        (("nothing",), "no campaign `nothing`"),
+        ((NAME, "--limit", "1"), "--limit 1: the rate must be above 0 and below 1"),
+        ((NAME, "--limit", "nan"), "--limit nan: the rate must be above 0 and below 1"),
         ((".",), "contains no campaign"),
     ],
 )
@@ -154,11 +154,11 @@ def test_several_campaigns_must_be_named_and_one_without_runs_says_nothing(vast,
     write_campaign(results, "other-2026-03-05-132444", variants=[])
     for words in ([results], []):
         outcome = vast("results", "summary", *words)
-        told = f"holds 2 campaigns ({NAME}, other-2026-03-05-132444); name one of them."
+        told = f"contains 2 campaigns ({NAME}, other-2026-03-05-132444). Name one of them."
         assert (outcome.code, told in outcome.err) == (2, True)
     empty = vast("results", "summary", "other-2026-03-05-132444")
     assert empty.code == 2
-    assert "other-2026-03-05-132444 has no stored run yet" in empty.err
+    assert "other-2026-03-05-132444 has no stored runs" in empty.err
 
 
 def test_a_long_reason_is_cut_where_one_sees_it_and_one_configuration_is_no_plural(

@@ -1,4 +1,4 @@
-"""Campaigns that are asked where they are stored, without downloading them."""
+"""Queries of campaigns in object storage, without a download."""
 
 from __future__ import annotations
 
@@ -19,24 +19,25 @@ if TYPE_CHECKING:
     from robovast_cli.kube.store import StorePlace
 
 BUCKET_HELP = (
-    "Ask this campaign where it is stored, without downloading it: name of the campaign, of its "
-    "results folder or of its bucket."
+    "Campaign to read in the object storage, without a download: name of the campaign, of its "
+    "results folder or of its bucket"
 )
 Buckets = Annotated[
     list[str] | None,
     typer.Option(
-        "--bucket", metavar="NAME", help=f"{BUCKET_HELP} May be repeated.", show_default=False
+        "--bucket", metavar="NAME", help=f"{BUCKET_HELP} (repeatable).", show_default=False
     ),
 ]
 Bucket = Annotated[
-    str | None, typer.Option("--bucket", metavar="NAME", help=BUCKET_HELP, show_default=False)
+    str | None,
+    typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP}.", show_default=False),
 ]
 Context = Annotated[
     str | None,
     typer.Option(
         "--context",
         metavar="NAME",
-        help="With --bucket: context of the kubeconfig; the current one when omitted.",
+        help="Context of the kubeconfig, with --bucket (default: the current context).",
         show_default=False,
     ),
 ]
@@ -45,7 +46,7 @@ Namespace = Annotated[
     typer.Option(
         "--namespace",
         metavar="NAME",
-        help="With --bucket: the campaign's namespace; the context's when omitted.",
+        help="Namespace of the campaign, with --bucket (default: the context's namespace).",
         show_default=False,
     ),
 ]

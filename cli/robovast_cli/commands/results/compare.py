@@ -8,52 +8,59 @@ from typing import Annotated, Literal
 import typer
 
 from robovast_cli.commands.results.options import ReportFormat, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Compare campaigns: what got worse, and whether chance explains it.")
+app = new_app("Compare campaigns with a baseline.")
 
-_WHAT = "a campaign: its folder, or its name in the results folder."
+_CAMPAIGN = "folder of a campaign, or its name in the results folder"
 
 
-@app.command()
+@app.command(
+    epilog="Exit codes: 0 not worse, or unclear · 1 a configuration or all together are worse · "
+    "2 comparison impossible · 6 unclear, with --fail-on unclear"
+)
+@examples(
+    ("vast results compare hall-2026-03-04-132444 hall-2026-03-05-132444", "Compare two"),
+    ("vast results compare before after --fail-on unclear --junit gate.xml", "Set up a CI gate"),
+)
 def compare(
     ctx: typer.Context,
-    base: Annotated[str, typer.Argument(metavar="BASE", help=f"Before: {_WHAT}")],
+    base: Annotated[str, typer.Argument(metavar="BASE", help=f"Baseline: {_CAMPAIGN}.")],
     new: Annotated[
-        list[str], typer.Argument(metavar="NEW…", help=f"After: {_WHAT} May be several.")
+        list[str],
+        typer.Argument(
+            metavar="NEW…", help=f"Campaign to compare: {_CAMPAIGN}. Several are possible."
+        ),
     ],
     results_dir: ResultsDir = None,
     fail_on: Annotated[
         Literal["worse", "unclear"],
-        typer.Option("--fail-on", help="The mildest result for which the exit code is not 0."),
+        typer.Option("--fail-on", help="Least severe result that gives a nonzero exit code."),
     ] = "worse",
     margin: Annotated[
         float,
         typer.Option(
-            metavar="SHARE",
-            help="Rise of the failure rate that does not matter: at least 0.",
+            metavar="RATE",
+            help="Tolerated rise of the failure rate. At least 0 and below 1.",
         ),
     ] = 0.05,
     junit: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Also write a JUnit report.", show_default=False),
+        typer.Option(metavar="FILE", help="Output file for a JUnit report.", show_default=False),
     ] = None,
     markdown: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Also write a comment for a pull request.", show_default=False
+            metavar="FILE", help="Output file for a comment of a pull request.", show_default=False
         ),
     ] = None,
     output: ReportFormat = "text",
 ) -> None:
-    """Compare campaigns with an earlier one: what got worse, and whether chance explains it.
+    """Compare campaigns with a baseline.
 
-    Configurations of equal parameters are compared: by McNemar's exact test where their runs have
-    equal seeds, otherwise by Fisher's, with Holm's correction for their number. Several campaigns
-    are compared with BASE one by one, and shown as a table.
-
-    Exit code 0: not worse (or, without `--fail-on unclear`, unclear); 1: a configuration or all
-    together got worse; 6: unclear, with `--fail-on unclear`; 2: nothing can be compared.
+    Configurations with equal parameters are compared one by one and all together. The test is
+    McNemar's exact test if their runs have equal seeds, otherwise Fisher's, with Holm's correction
+    for the number of configurations. Each campaign is compared with BASE on its own.
     """
     from robovast.base.atomic import write_report
     from robovast.base.errors import InputError
@@ -68,7 +75,7 @@ def compare(
 
     if not 0 <= margin < 1:
         raise InputError(
-            f"--margin {margin:g}: a share of runs is at least 0 and below 1, such as 0.05."
+            f"--margin {margin:g}: the rate must be at least 0 and below 1, such as 0.05."
         )
     results = results_dir or ctx.obj.results
     place = named_campaign(results, base)
@@ -80,8 +87,8 @@ def compare(
         one = comparison.compare(before.variants, after.variants, margin)
         if not one.overall.a.runs or not one.overall.b.runs:
             raise InputError(
-                f"{before.name} and {after.name} cannot be compared: no configuration has the same "
-                "parameters and runs with a verdict in both."
+                f"cannot compare {before.name} and {after.name}: no configuration has equal "
+                "parameters and runs with a verdict in both campaigns."
             )
         found.append((after.name, one))
     reports = ((junit, junit_of_all), (markdown, markdown_of_all))

@@ -1,4 +1,4 @@
-"""`vast results coverage`: which combinations were run, and where the holes are."""
+"""`vast results coverage`: combinations that were run, and coverage gaps."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import CampaignName, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Say which pairs of values a campaign has run, which failed, and where holes are.")
+app = new_app("Show failed pairs of values, and coverage gaps.")
 
 
 @app.command()
+@examples(
+    ("vast results coverage results/hall-2026-03-04-152130", "Show failures and gaps"),
+    ("vast results coverage hall-2026-03-04-152130 --holes gaps.vast", "Write the missing runs"),
+)
 def coverage(
     ctx: typer.Context,
     campaign: CampaignName,
@@ -24,28 +28,30 @@ def coverage(
             min=1,
             max=1000,
             metavar="N",
-            help="Equal parts into which values that were drawn are divided.",
+            help="Number of equal intervals that group random values.",
             show_default=False,
         ),
     ] = None,
     worst: Annotated[
         int,
-        typer.Option("--worst", min=0, metavar="N", help="Lines of each table; 0 means all."),
+        typer.Option(
+            "--worst", min=0, metavar="N", help="Maximum length of each table. 0 lists everything."
+        ),
     ] = 10,
     holes: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write a .vast file that runs the pairs which were never run; it belongs beside "
-            "the campaign's own.",
+            help="Output .vast file that runs the missing pairs. Write it into the folder of the "
+            "campaign's .vast file.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Say which pairs of values of different variations a campaign has run, which of them failed,
-    and which were never run.
+    """Show failed pairs of values, and coverage gaps.
 
-    A pair's interval is Wilson's, of all runs in which the two values met.
+    A pair consists of two values of different variations. Its failure rate counts all runs with
+    both values, and has Wilson's interval. A coverage gap is a pair that was never run.
     """
     from robovast.base.atomic import write_report
     from robovast.campaign.configurations import document_path, read_configurations
@@ -55,6 +61,7 @@ def coverage(
     from robovast_cli.commands.results.options import named_campaign, read_campaign
     from robovast_cli.ui.coverage import coverage_text, holes_text
     from robovast_cli.ui.output import say, say_data
+    from robovast_cli.ui.table import counted
 
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     layout = Layout(folder)
@@ -64,4 +71,4 @@ def coverage(
     if holes is not None:
         text, count = holes_text(document, found)
         write_report(holes, text)
-        say(f"{holes}: {count} configurations. Run them: vast -V {holes} exec local run")
+        say(f"{holes}: {counted(count, 'configuration')}. To run: vast -V {holes} exec local run")

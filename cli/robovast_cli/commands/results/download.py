@@ -1,4 +1,4 @@
-"""`vast results download`: from the cluster's storage, or from the share."""
+"""`vast results download`: from object storage, or from the file share."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ import typer
 
 from robovast_cli.commands.results.options import Target
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Download results from the cluster's storage, or from the share.")
+app = new_app("Download results from object storage or a file share.")
 
 
 @app.command()
+@examples(
+    ("vast results download", "Download all campaigns"),
+    ("vast results download -i hall-2026-03-04-152130 -o results", "Download one campaign"),
+    ("vast results download --from share", "Download from the file share"),
+)
 def download(
     ctx: typer.Context,
     campaign: Annotated[
@@ -24,39 +29,39 @@ def download(
             "-i",
             "--campaign",
             metavar="NAME",
-            help="Only this campaign: its name, or that of its results folder. May be repeated; "
-            "all when omitted.",
+            help="Name of a campaign or of its results folder (default: all) (repeatable).",
             show_default=False,
         ),
     ] = None,
     output: Target = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Download everything, including existing files.")
+        bool, typer.Option("-f", "--force", help="Download existing files again.")
     ] = False,
     source: Annotated[
         Literal["cluster", "share"] | None,
         typer.Option(
             "--from",
-            help="Where from; the share where ROBOVAST_SHARE_TYPE is set and neither a context "
-            "nor a namespace is given, else the cluster's storage.",
+            help="Source: object storage of the cluster, or file share (default: share if "
+            "ROBOVAST_SHARE_TYPE is set without --context and --namespace, otherwise cluster).",
             show_default=False,
         ),
     ] = None,
     keep_archive: Annotated[
         bool,
-        typer.Option("--keep-archive", help="Also leave the `.tar.gz` that came from the share."),
+        typer.Option("--keep-archive", help="Keep the downloaded `.tar.gz` file."),
     ] = False,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Print each HTTP request and its status on stderr.")
+        bool, typer.Option("--debug", help="Log of HTTP requests with their status, on stderr.")
     ] = False,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Download results: verified, each run or archive completely or not at all.
+    """Download results from object storage or a file share.
 
-    What is here already is not fetched again, so that it can be repeated at any time: while the
-    campaign runs, after an interruption, after more runs were added. From the share, a campaign
-    that is here stays as it is, unless `--force` replaces it.
+    Each run or archive is verified, and downloaded completely or not at all. Existing runs are
+    skipped, so you can repeat the command while the campaign is running, after an interruption, or
+    after more runs were added. A local campaign is not updated from the file share, unless
+    `--force` replaces it.
     """
     if debug:
         logging.getLogger("urllib3").setLevel(logging.DEBUG)
@@ -80,13 +85,13 @@ def download(
         if cluster_is_meant:
             raise
         raise CannotRunError(
-            f"{error} A share is not set either: ROBOVAST_SHARE_TYPE in the environment, or in a "
-            "`.env` file, would name it."
+            f"{error} To download from a file share, set ROBOVAST_SHARE_TYPE in the environment or "
+            "in a `.env` file."
         ) from error
 
 
 def has_share() -> bool:
-    """True when a share is described, in the environment or a `.env` file."""
+    """Return whether the environment or a `.env` file describes a file share."""
     from robovast.base.environment import environment
     from robovast.base.errors import CannotRunError
     from robovast.storage.shares.campaigns import SHARE_TYPE

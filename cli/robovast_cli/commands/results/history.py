@@ -1,4 +1,4 @@
-"""`vast results history`: one configuration over campaigns."""
+"""`vast results history`: one configuration in all campaigns."""
 
 from __future__ import annotations
 
@@ -9,19 +9,23 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import ReportFormat, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Say how often a configuration failed in each campaign, and what changed between.")
+app = new_app("Show the failure rate of a configuration in each campaign.")
 
 
 @app.command()
+@examples(
+    ("vast results history hall-3", "Use the name in the latest campaign"),
+    ("vast results history hall-3 -i hall-2026-03-04-152130 -o json", "Print JSON"),
+)
 def history(
     ctx: typer.Context,
     configuration: Annotated[
         str,
         typer.Argument(
             metavar="CONFIG",
-            help="A configuration: its name in the latest campaign that has it, or its folder.",
+            help="Folder of a configuration, or its name in the latest campaign that contains it.",
         ),
     ],
     campaign: Annotated[
@@ -30,18 +34,21 @@ def history(
             "-i",
             "--campaign",
             metavar="NAME",
-            help="The campaign in which it has this name.",
+            help="Campaign in which the configuration has this name (default: the latest).",
             show_default=False,
         ),
     ] = None,
     results_dir: ResultsDir = None,
     output: ReportFormat = "text",
 ) -> None:
-    """List how often a configuration failed in each campaign of the results folder, the oldest
-    first, and which inputs changed: image, environment, RoboVAST version, seed, parameters,
-    scenario, .vast file, and all other files of the campaign and the configuration.
+    """Show the failure rate of a configuration in each campaign.
 
-    A configuration is recognized by its parameters, whatever its name; by its name if it has none.
+    The oldest campaign is listed first, and each campaign with the inputs that changed: image,
+    environment, RoboVAST version, seed, parameters, scenario, .vast file, and other files of the
+    campaign and the configuration.
+
+    A configuration is recognized by its parameters, even under another name. Without parameters,
+    it is recognized by its name.
     """
     from robovast.evaluation.configuration_index import default_index
     from robovast.evaluation.history import history, latest_with
@@ -59,7 +66,7 @@ def history(
         results, campaign = named.parent, named.name
     elif holds_campaign(results):
         results, campaign = results.parent, results.name
-    with working("Looking for it") as tell:
+    with working("Searching campaigns") as tell:
         found = history(
             results,
             campaign or latest_with(results, name),

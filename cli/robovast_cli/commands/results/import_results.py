@@ -8,25 +8,29 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import Target
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Take over a campaign that comes as an archive.")
+app = new_app("Import a campaign from an archive.")
 
 
 @app.command()
+@examples(
+    ("vast import-results hall-2026-03-04-152130.tar.gz", "Import into the results folder"),
+    ("vast import-results hall-2026-03-04-152130.zip -o archive", "Import into another folder"),
+)
 def import_results(
     ctx: typer.Context,
     archive: Annotated[
-        Path, typer.Argument(metavar="ARCHIVE", help="A campaign's .tar.gz or .zip file.")
+        Path, typer.Argument(metavar="ARCHIVE", help="Archive of a campaign (.tar.gz or .zip).")
     ],
     output: Target = None,
     force: Annotated[
         bool, typer.Option("-f", "--force", help="Replace a campaign of the same name.")
     ] = False,
 ) -> None:
-    """Take over a campaign that comes as an archive.
+    """Import a campaign from an archive.
 
-    It appears complete or not at all, and nothing is written outside of its folder.
+    The campaign is imported completely or not at all. No file is written outside its folder.
     """
     from robovast.campaign.executables import warn_of_executables
     from robovast.campaign.importing import import_archive

@@ -1,4 +1,4 @@
-"""`vast results junit`: all runs in one report that CI systems read."""
+"""`vast results junit`: all runs in one report for CI systems."""
 
 from __future__ import annotations
 
@@ -8,24 +8,28 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import CampaignName, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 app = new_app("Merge the test results of all runs into one JUnit report.")
 
 
 @app.command()
+@examples(
+    ("vast results junit results/hall-2026-03-04-152130 runs.xml", "Merge one campaign"),
+    ("vast results junit hall-2026-03-04-152130 runs.xml -r results", "Set the results folder"),
+)
 def junit(
     ctx: typer.Context,
     campaign: CampaignName,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The report; an older one is replaced.")
+        Path, typer.Argument(metavar="FILE", help="Report file. An existing file is replaced.")
     ],
     results_dir: ResultsDir = None,
 ) -> None:
-    """Merge the test results of all runs into one JUnit report, as CI systems read it.
+    """Merge the test results of all runs into one JUnit report.
 
-    Each configuration is a suite, and each test of each run a case. A run whose own report does
-    not say what became of it has a case that does: an error, or skipped when it was interrupted.
+    Each configuration is a suite, and each test of each run is a case. If the report of a run lacks
+    its verdict, a case is added: an error, or skipped if the run was interrupted.
     """
     from robovast.base.atomic import write_report
     from robovast.base.errors import InputError
@@ -38,7 +42,7 @@ def junit(
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     suites = merged_suites(Layout(folder))
     if not suites:
-        raise InputError(f"{folder.name} has no stored run yet: there is nothing to report.")
+        raise InputError(f"{folder.name} has no stored runs, so there is nothing to report.")
     write_report(file, report_text(folder.name, suites))
     cases = [case for suite in suites for case in suite.cases]
     bad = sum(case.outcome in {"failure", "error"} for case in cases)

@@ -8,12 +8,16 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import Campaigns, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Merge campaigns: runs of equal configurations come together.")
+app = new_app("Merge campaigns into a new campaign.")
 
 
 @app.command()
+@examples(
+    ("vast results merge-campaigns merged", "Merge all campaigns"),
+    ("vast results merge-campaigns merged -i hall-part-1 -i hall-part-2", "Merge two campaigns"),
+)
 def merge_campaigns(
     ctx: typer.Context,
     target: Annotated[
@@ -22,10 +26,11 @@ def merge_campaigns(
     results_dir: ResultsDir = None,
     campaign: Campaigns = None,
 ) -> None:
-    """Merge campaigns: runs of equal configurations are collected and renumbered.
+    """Merge campaigns into a new campaign.
 
-    The campaigns stay as they are. Tables, metadata and provenance are not taken over:
-    `vast results postprocess -r DIR` makes them of all runs together.
+    Runs of equal configurations are collected and renumbered. The campaigns are not modified.
+    Tables, metadata and provenance are not copied. Create them with
+    `vast results postprocess -r DIR`.
     """
     from robovast.campaign.merge import merge_campaigns as merge
     from robovast_cli.commands.results.options import chosen_campaigns
@@ -39,9 +44,9 @@ def merge_campaigns(
     with working(f"Merging {counted(len(sources), 'campaign')}"):
         result = merge(sources, target)
     for path in result.unidentified:
-        say(f"{path}: has no config_identifier, so it was merged with nothing.")
+        say(f"{path}: not merged with other configurations, because it has no config_identifier.")
     for path in result.left_out:
-        say(f"{path}: left out, because it has no `run.json` of a run that went to its end.")
+        say(f"{path}: skipped, because it has no `run.json` of a finished run.")
     say(
         f"Merged {counted(len(sources), 'campaign')} into {shown(target)}: "
         f"{counted(result.configurations, 'configuration')}, {counted(result.runs, 'run')}."

@@ -20,7 +20,7 @@ ResultsDir = Annotated[
         "-r",
         "--results-dir",
         metavar="PATH",
-        help="Folder of campaigns, or one campaign; the project's results folder when omitted.",
+        help="Folder of campaigns or of one campaign (default: the project's results folder).",
         show_default=False,
     ),
 ]
@@ -31,18 +31,18 @@ Target = Annotated[
         "-o",
         "--output",
         metavar="PATH",
-        help="Folder for the campaign's folder; the project's results folder when omitted.",
+        help="Folder that receives the campaign's folder (default: the project's results folder).",
         show_default=False,
     ),
 ]
 
 AnswerFormat = Annotated[
     Literal["table", "csv", "json"],
-    typer.Option("-o", "--output", help="How to print the answer."),
+    typer.Option("-o", "--output", help="Output format."),
 ]
 
 ReportFormat = Annotated[
-    Literal["text", "json"], typer.Option("-o", "--output", help="How to print it.")
+    Literal["text", "json"], typer.Option("-o", "--output", help="Output format.")
 ]
 
 CampaignName = Annotated[
@@ -58,7 +58,7 @@ Campaigns = Annotated[
         "-i",
         "--campaign",
         metavar="NAME",
-        help="Only this campaign, by the name of its folder. May be repeated; all when omitted.",
+        help="Campaign, by the name of its folder (default: all) (repeatable).",
         show_default=False,
     ),
 ]
@@ -68,16 +68,14 @@ def chosen_campaigns(results: Path, names: list[str] | None) -> list[Path]:
     """Folders of the named campaigns in a results folder, or of all.
 
     Raises:
-        InputError: there is none, or none of a name.
+        InputError: the folder contains no campaign, or a name is unknown.
     """
     from robovast.campaign.finding import find_campaigns
 
     found = {path.absolute().name: path for path in find_campaigns(results)}
     unknown = [name for name in names or [] if name not in found]
     if unknown:
-        raise InputError(
-            f"there is no campaign `{unknown[0]}` in {results}; it has {', '.join(found)}."
-        )
+        raise InputError(f"no campaign `{unknown[0]}` in {results}. Available: {', '.join(found)}.")
     return [found[name] for name in dict.fromkeys(names)] if names else list(found.values())
 
 
@@ -92,18 +90,18 @@ def named_campaign(results: Path, name: str) -> Path:
     candidates = [path for path in (Path(name), results / name) if os.path.isdir(path)]
     if not candidates:
         raise InputError(
-            f"there is no campaign `{name}`: neither a folder of that name nor one in {results}. "
-            "Name a campaign's folder, or the results folder with `-r`."
+            f"no campaign `{name}`: neither this folder nor {results}/{name} exists. Name the "
+            "folder of a campaign, or set the results folder with `-r`."
         )
     found = find_campaigns(candidates[0])
     if len(found) > 1:
         names = ("… " if len(found) > 5 else "") + ", ".join(path.name for path in found[-5:])
-        raise InputError(f"{name} holds {len(found)} campaigns ({names}); name one of them.")
+        raise InputError(f"{name} contains {len(found)} campaigns ({names}). Name one of them.")
     return found[0].resolve()
 
 
 def read_campaign(folder: Path) -> CampaignIndex:
-    """A campaign with all its runs; folders that look like runs and are none are warned of.
+    """Return a campaign with all its runs; warn of folders that are not runs but look like runs.
 
     Raises:
         InputError: it cannot be read, or it has no runs.
@@ -119,5 +117,5 @@ def read_campaign(folder: Path) -> CampaignIndex:
     index = CampaignIndex(folder.parent, folder.name)
     index.refresh()
     if not any(variant.runs for variant in index.variants):
-        raise InputError(f"{folder.name} has no stored run yet: nothing can be said about it.")
+        raise InputError(f"{folder.name} has no stored runs. Wait until a run has finished.")
     return index

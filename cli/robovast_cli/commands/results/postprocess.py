@@ -6,18 +6,26 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Turn raw results into tables, metadata and a provenance graph.")
+app = new_app("Convert raw results into tables, metadata and a provenance graph.")
 commands_app = new_app("List the installed postprocessing commands and their parameters.")
 
 
-@app.command()
+@app.command(
+    epilog="Exit codes: 0 all commands succeeded · 1 a command failed · 2 invalid .vast file · "
+    "5 results cannot be written · 130 interrupted"
+)
+@examples(
+    ("vast results postprocess", "Process all campaigns"),
+    ("vast results postprocess -r results/hall-2026-03-04-152130 -f", "Process one again"),
+    ("vast results postprocess --skip rosbags_to_csv --skip-rosout", "Skip commands"),
+)
 def postprocess(
     ctx: typer.Context,
     results_dir: ResultsDir = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Do everything again, changed or not.")
+        bool, typer.Option("-f", "--force", help="Process unchanged results again.")
     ] = False,
     override: Annotated[
         Path | None,
@@ -25,27 +33,27 @@ def postprocess(
             "-o",
             "--override",
             metavar="VAST_FILE",
-            help="Use the commands of this file for every campaign, not those that each holds.",
+            help="File whose commands replace the commands of each campaign.",
             show_default=False,
         ),
     ] = None,
     skip: Annotated[
         list[str] | None,
-        typer.Option("--skip", metavar="PLUGIN", help="Leave out this command; repeatable."),
+        typer.Option("--skip", metavar="PLUGIN", help="Command to skip (repeatable)."),
     ] = None,
     skip_rosout: Annotated[
-        bool, typer.Option("--skip-rosout", help="Leave out the conversion of ROS logs.")
+        bool, typer.Option("--skip-rosout", help="Skip the conversion of ROS logs.")
     ] = False,
     skip_db: Annotated[
         bool,
         typer.Option(
             "--skip-db",
-            help="Write no tables of the campaign: tables.duckdb, data.db, campaign.db.",
+            help="Skip the tables of the campaign: tables.duckdb, data.db, campaign.db.",
         ),
     ] = False,
     skip_metadata: Annotated[
         bool,
-        typer.Option("--skip-metadata", help="Write neither metadata.yaml nor metadata.prov.json."),
+        typer.Option("--skip-metadata", help="Skip metadata.yaml and metadata.prov.json."),
     ] = False,
     jobs: Annotated[
         int | None,
@@ -53,7 +61,7 @@ def postprocess(
             "-j",
             "--jobs",
             min=1,
-            help="Runs side by side; as many as there are CPUs when omitted.",
+            help="Number of runs processed in parallel (default: number of CPUs).",
             show_default=False,
         ),
     ] = None,
@@ -63,17 +71,17 @@ def postprocess(
             "--time-limit",
             metavar="SECONDS",
             min=0.1,
-            help="Stop a command that takes longer for a run, or for a campaign as a whole.",
+            help="Time limit of a command in seconds, for a run or for a whole campaign.",
         ),
     ] = 3600.0,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Show what commands print, and where they fail.")
+        bool, typer.Option("--debug", help="Output of commands, with tracebacks.")
     ] = False,
 ) -> int:
-    """Turn raw results into tables, metadata and a provenance graph.
+    """Convert raw results into tables, metadata and a provenance graph.
 
-    Only what changed is worked again. Exit code 0: every command succeeded; 1: one did not; 2: a
-    .vast file is wrong; 5: results cannot be written; 130: interrupted.
+    The commands are in `results_processing.postprocessing` of the .vast file. Unchanged results are
+    skipped.
     """
     from robovast.analysis.postprocessing.events import Options
     from robovast_cli.commands.results.postprocessing import run
@@ -93,6 +101,10 @@ def postprocess(
 
 
 @commands_app.command()
+@examples(
+    ("vast results postprocess-commands", "List the commands"),
+    ("vast results postprocess-commands | less", "Page through the list"),
+)
 def postprocess_commands() -> None:
     """List the installed postprocessing commands and their parameters."""
     from robovast_cli.commands.results.postprocessing import print_commands

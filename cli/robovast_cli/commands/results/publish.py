@@ -8,13 +8,17 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import Campaigns, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 app = new_app("Pack and publish results as configured in the .vast file.")
 commands_app = new_app("List the installed publication plugins and their parameters.")
 
 
-@app.command()
+@app.command(epilog="Exit codes: 2 invalid file or plugin, nothing was done · 5 a plugin failed")
+@examples(
+    ("vast results publish", "Publish all campaigns"),
+    ("vast results publish -i hall-2026-03-04-152130 --skip-upload", "Pack one campaign"),
+)
 def publish(
     ctx: typer.Context,
     results_dir: ResultsDir = None,
@@ -24,26 +28,26 @@ def publish(
         typer.Option(
             "--override",
             metavar="VAST_FILE",
-            help="Use this .vast file in place of each campaign's own.",
+            help="File that replaces the .vast file of each campaign.",
             show_default=False,
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("-f", "--force", help="Replace archives that exist without asking.")
+        bool, typer.Option("-f", "--force", help="Replace existing archives without confirmation.")
     ] = False,
     skip_postprocessing: Annotated[
         bool,
-        typer.Option("--skip-postprocessing", help="Publish the results as they are."),
+        typer.Option("--skip-postprocessing", help="Publish without postprocessing."),
     ] = False,
     skip_upload: Annotated[
-        bool, typer.Option("--skip-upload", help="Pack only: leave out plugins that upload.")
+        bool, typer.Option("--skip-upload", help="Pack only. Skip plugins that upload.")
     ] = False,
 ) -> int:
-    """Pack and publish results as configured in `results_processing.publication`.
+    """Pack and publish results as configured in the .vast file.
 
-    The campaigns are postprocessed before. Plugins that pack come before those that upload, and
-    the first that fails ends it. Exit code 2: the file or a plugin's name is wrong, and nothing
-    was done; 5: a plugin failed.
+    The configuration is in `results_processing.publication`. The campaigns are postprocessed first.
+    Then the plugins that pack run, and then the plugins that upload. The command stops at the first
+    plugin that fails.
     """
     from robovast_cli.commands.results.publishing import Choice, publish_campaigns
 
@@ -60,6 +64,10 @@ def publish(
 
 
 @commands_app.command()
+@examples(
+    ("vast results publish-commands", "List the plugins"),
+    ("vast results publish-commands | less", "Page through the list"),
+)
 def publish_commands() -> None:
     """List the installed publication plugins and their parameters."""
     from robovast_cli.commands.results.publishing import print_plugins

@@ -1,4 +1,4 @@
-"""`vast results query`: ask the tables of campaigns."""
+"""`vast results query`: query the tables of campaigns."""
 
 from __future__ import annotations
 
@@ -11,22 +11,27 @@ import typer
 
 from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 if TYPE_CHECKING:
     from robovast.analysis.tables.stored import StoredTables
 
-app = new_app("Ask the tables of campaigns with SQL.")
+app = new_app("Query the tables of campaigns with SQL.")
 
 
 @app.command()
+@examples(
+    ("vast results query", "List tables and columns"),
+    ('vast results query "SELECT config, avg(duration) FROM runs GROUP BY 1"', "Query run times"),
+    ('vast results query "SELECT * FROM runs" -o csv', "Write CSV"),
+)
 def query(
     ctx: typer.Context,
     sql: Annotated[
         str | None,
         typer.Argument(
             metavar="SQL|-",
-            help="A query, or `-` for standard input; the tables are listed when omitted.",
+            help="Query, or `-` for standard input (default: list the tables).",
             show_default=False,
         ),
     ] = None,
@@ -36,16 +41,14 @@ def query(
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Ask the tables of campaigns with SQL.
+    """Query the tables of campaigns with SQL.
 
-    `runs` has a row for each run: parameters (`param_…`), factors (`factor_…`), verdict, times,
-    metrics. Each CSV name of the runs is a table of its own. Nothing can be changed. A query may
-    take any time; Ctrl-C ends it.
+    The table `runs` has a row for each run with its parameters (`param_…`), factors (`factor_…`),
+    verdict, times and metrics. Each name of a CSV file of the runs is a separate table. Queries
+    cannot change data. A query has no time limit. Ctrl-C stops it.
 
-    With --bucket nothing is downloaded but the parts of the tables that the query needs. All runs
-    must have ended; tables other than `runs` are there when results were processed in the cluster.
-
-    Example: vast results query "SELECT config, avg(duration) FROM runs GROUP BY config"
+    --bucket downloads only the parts of the tables that the query needs. All runs must have
+    finished. Tables other than `runs` exist only if the cluster has postprocessed the results.
     """
     if bucket:
         from robovast_cli.commands.results.buckets import opened

@@ -1,4 +1,4 @@
-"""`vast results report`: a file about a campaign that can be sent."""
+"""`vast results report`: a report of a campaign in one file."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import CampaignName, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Write a report of a campaign to send: one HTML file, or Markdown.")
+app = new_app("Write a report of a campaign as HTML or Markdown.")
 
 
 @app.command()
+@examples(
+    ("vast results report results/hall-2026-03-05-132444", "Write report.html"),
+    ("vast results report hall-2026-03-05-132444 -b hall-2026-03-04-132444", "Compare also"),
+    ("vast results report hall-2026-03-05-132444 -o night.md", "Write Markdown"),
+)
 def report(
     ctx: typer.Context,
     campaign: CampaignName,
@@ -24,8 +29,7 @@ def report(
             "-b",
             "--baseline",
             metavar="CAMPAIGN",
-            help="Also say what differs from this campaign: its folder, or its name in the results "
-            "folder.",
+            help="Campaign to compare with: its folder, or its name in the results folder.",
             show_default=False,
         ),
     ] = None,
@@ -35,17 +39,18 @@ def report(
             "-o",
             "--output",
             metavar="FILE",
-            help="The report: .html, or .md for a pull request; report.html when omitted. May be "
-            "repeated.",
+            help="Report file that ends in .html or .md (default: report.html) (repeatable).",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Write a report of a campaign to send: verdicts, causes, the matrix of the two factors that
-    separate failures best, and of the worst configurations the map and how a run ended.
+    """Write a report of a campaign as HTML or Markdown.
 
-    The HTML file needs no server, runs no script and loads nothing from elsewhere; it is small
-    enough for a mail, whatever the number of runs.
+    The report contains verdicts, causes of failures, and a matrix of the two factors that separate
+    failures best. For the worst configurations, it contains a map and the end of a log.
+
+    The HTML file needs no server, contains no script and loads no other file. It is small enough
+    for an email. Markdown fits into a pull request.
     """
     from robovast.base.atomic import write_report
     from robovast.base.errors import InputError
@@ -60,13 +65,15 @@ def report(
     files = output or [Path("report.html")]
     for file in files:
         if file.suffix.lower() not in forms:
-            raise InputError(f"{file}: a report is HTML or Markdown; end its name in .html or .md.")
+            raise InputError(
+                f"{file}: a report is HTML or Markdown. Use a name that ends in .html or .md."
+            )
     results = results_dir or ctx.obj.results
-    with working("Making the report") as tell:
+    with working("Writing the report") as tell:
         tell("reading runs")
         index = read_campaign(named_campaign(results, campaign))
         base = None if baseline is None else read_campaign(named_campaign(results, baseline))
-        tell("looking for what makes runs fail")
+        tell("searching for causes of failures")
         found = make_report(index, base)
         texts = {file: forms[file.suffix.lower()](found) for file in files}
     for file, text in texts.items():

@@ -1,4 +1,4 @@
-"""`vast results search`: what a search found."""
+"""`vast results search`: results of a search."""
 
 from __future__ import annotations
 
@@ -8,25 +8,33 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from robovast_cli.commands.results.options import AnswerFormat, CampaignName, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 if TYPE_CHECKING:
     from robovast.model.document.search.space import Space
     from robovast.search.results import StoredSearch
 
-app = new_app("Say what a search found: its sets, its progress, where it begins to fail.")
+app = new_app("Show the results of a search.")
 
 
 @app.command()
+@examples(
+    ("vast results search results/drone-2026-03-04-152130", "List the parameter sets"),
+    ("vast results search drone-2026-03-04-152130 best", "Show the best set"),
+    ("vast results search drone-2026-03-04-152130 critical --at boxes=3", "Show critical values"),
+)
 def search(
     ctx: typer.Context,
     campaign: CampaignName,
     what: Annotated[
         Literal["sets", "best", "progress", "critical", "map", "archive"],
         typer.Argument(
-            help="All sets with their numbers; the best one, or those that no other beats; the "
-            "strategy's numbers after each batch; the critical value of each parameter; the "
-            "failure rate all over the space; the best set of each cell of an archive.",
+            metavar="VIEW",
+            help="sets: all parameter sets with their scores. best: the best set, or the Pareto "
+            "front. progress: numbers of the strategy after each batch. critical: critical value "
+            "of each parameter. map: failure rate in the whole space. archive: best set of each "
+            "cell (default: sets).",
+            show_default=False,
         ),
     ] = "sets",
     results_dir: ResultsDir = None,
@@ -35,9 +43,8 @@ def search(
         typer.Option(
             "--at",
             metavar="NAME=VALUE",
-            help="With `critical` and `map --picture`: a parameter's value where the middle of the "
-            "space is not meant. "
-            "May be repeated.",
+            help="Value of a parameter for `critical` and `map --picture` (default: middle of the "
+            "space) (repeatable).",
             show_default=False,
         ),
     ] = None,
@@ -46,7 +53,7 @@ def search(
         Path | None,
         typer.Option(
             metavar="PATH",
-            help="With `map` or `progress`: draw it to this .png or .svg file instead.",
+            help="Image file (.png or .svg) for `map` or `progress`.",
             show_default=False,
         ),
     ] = None,
@@ -54,18 +61,21 @@ def search(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="With `map --picture`: a dimension to draw; to be given twice. The first two "
-            "when omitted.",
+            help="Dimension to draw with `map --picture`. Give two (default: the first two) "
+            "(repeatable).",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Say what a search found, finished or under way.
+    """Show the results of a search.
 
-    `critical` and `map` need the strategy `boundary`, `archive` needs `qd`. A critical value is
-    where the failure rate crosses the level as one parameter grows and the others stay; `above`
-    says what is to be expected beyond it, `crossing` how probable it is that it crosses at all,
-    `open` which ends of the interval are ends of the space: the value may lie beyond them.
+    The search may still be running. `critical` and `map` require the strategy `boundary`. `archive`
+    requires the strategy `qd`.
+
+    At the critical value of a parameter, the failure rate crosses the level while the other
+    parameters are constant. `above` is the expected result above this value. `crossing` is the
+    probability of a crossing. `open` lists the ends of the interval that are ends of the space. The
+    critical value may be outside the space there.
     """
     from robovast.base.errors import InputError
     from robovast_cli.commands.results.options import named_campaign
@@ -73,13 +83,11 @@ def search(
     from robovast_cli.ui.working import working
 
     if picture is not None and what not in {"map", "progress"}:
-        raise InputError(f"--picture belongs to `map` and `progress`, not to `{what}`.")
+        raise InputError(f"--picture requires `map` or `progress`, not `{what}`.")
     if over and not (picture and what == "map"):
-        raise InputError("--over belongs to `map` with --picture.")
+        raise InputError("--over requires `map` with --picture.")
     if at and what != "critical" and not (picture and what == "map"):
-        raise InputError(
-            f"--at belongs to `critical`, and to `map` with --picture; not to `{what}`."
-        )
+        raise InputError(f"--at requires `critical`, or `map` with --picture, not `{what}`.")
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     with working(f"Reading {folder.name}") as tell:
         from robovast.search.results import stored_search
@@ -105,7 +113,7 @@ def search(
 def _draw(
     stored: StoredSearch, picture: Path, over: list[str] | None, fixed: dict[str, Any]
 ) -> None:
-    """Write a picture of the map over dimensions, or of the progress."""
+    """Write an image of the map over dimensions, or of the progress."""
     from robovast.base.atomic import write_report
     from robovast.base.optional_deps import ANALYSIS
 

@@ -10,13 +10,17 @@ import typer
 from robovast.base.errors import InputError
 from robovast.base.sizes import fmt_size
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-list_app = new_app("List the campaigns on the share.")
-remove_app = new_app("Remove campaigns from the share.")
+list_app = new_app("List the campaigns on the file share.")
+remove_app = new_app("Delete campaigns from the file share.")
 
 
 @list_app.command()
+@examples(
+    ("vast results list-share", "List all campaigns"),
+    ("vast results list-share -i 'hall-*'", "List a selection"),
+)
 def list_share(
     ctx: typer.Context,
     campaign: Annotated[
@@ -25,16 +29,17 @@ def list_share(
             "-i",
             "--campaign",
             metavar="NAME|GLOB",
-            help="Only this campaign. May be repeated; all when omitted.",
+            help="Campaign on the file share (default: all) (repeatable).",
             show_default=False,
         ),
     ] = None,
     results_dir: ResultsDir = None,
 ) -> None:
-    """List the campaigns on the share, and which of them exist here.
+    """List the campaigns on the file share.
 
-    The share is described by ROBOVAST_SHARE_TYPE and the variables of its kind, in the
-    environment or a `.env` file in this folder or above; docs/how-to/publish.md has them all.
+    The column LOCAL shows whether the campaign exists in the results folder. ROBOVAST_SHARE_TYPE
+    and the variables of its type describe the file share. Set them in the environment or in a
+    `.env` file in this folder or above. docs/how-to/publish.md lists all variables.
     """
     from robovast.storage.shares.campaigns import open_share
     from robovast_cli.ui.table import format_table
@@ -43,25 +48,34 @@ def list_share(
     with open_share() as share:
         campaigns = share.chosen(campaign or [])
     if campaign and not campaigns:
-        raise InputError("nothing on the share is called so; without `-i` all is listed.")
+        raise InputError(
+            "no campaign on the file share has this name. `vast results list-share` lists all."
+        )
     rows = [
         [item.name, fmt_size(item.size), "yes" if os.path.isdir(results / item.name) else "no"]
         for item in campaigns
     ]
-    typer.echo(format_table(["CAMPAIGN", "SIZE", "HERE"], rows), nl=False)
+    typer.echo(format_table(["CAMPAIGN", "SIZE", "LOCAL"], rows), nl=False)
 
 
 @remove_app.command()
+@examples(
+    ("vast results remove-from-share -i hall-2026-03-04-152130", "Delete after confirmation"),
+    ("vast results remove-from-share -i 'hall-2026-02-*' -y", "Delete a selection"),
+)
 def remove_from_share(
     campaign: Annotated[
         list[str],
         typer.Option(
-            "-i", "--campaign", metavar="NAME|GLOB", help="The campaign. May be repeated."
+            "-i", "--campaign", metavar="NAME|GLOB", help="Campaign to delete (repeatable)."
         ),
     ],
-    yes: Annotated[bool, typer.Option("-y", "--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("-y", "--yes", help="Delete without confirmation.")] = False,
 ) -> None:
-    """Remove campaigns from the share; local results are kept."""
+    """Delete campaigns from the file share.
+
+    Local results are kept.
+    """
     from robovast.storage.shares.campaigns import open_share
     from robovast_cli.ui.output import say
 
@@ -70,7 +84,7 @@ def remove_from_share(
         for item in chosen:
             say(f"{item.name}: {fmt_size(item.size)}")
         if chosen and not yes:
-            typer.confirm("Remove from the share?", abort=True)
+            typer.confirm("Delete from the file share?", abort=True)
         for item in chosen:
             share.remove(item)
-            say(f"Removed {item.name} from the share.")
+            say(f"Deleted {item.name} from the file share.")

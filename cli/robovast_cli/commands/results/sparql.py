@@ -1,4 +1,4 @@
-"""`vast results sparql`: ask the provenance graphs of campaigns."""
+"""`vast results sparql`: query the provenance graphs of campaigns."""
 
 import os
 from typing import Annotated
@@ -7,37 +7,42 @@ import typer
 
 from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
-app = new_app("Ask the provenance graphs of campaigns with SPARQL.")
+app = new_app("Query the provenance graphs of campaigns with SPARQL.")
 
 
 @app.command()
+@examples(
+    ("vast results sparql --list", "List the included queries"),
+    ("vast results sparql failure-rate -r results", "Run an included query"),
+    ("vast results sparql my-query.rq -o json", "Run a query from a file"),
+)
 def sparql(
     ctx: typer.Context,
     query: Annotated[
         str | None,
         typer.Argument(
             metavar="NAME|FILE|-",
-            help="A query of the package, a file with one, or `-` for standard input.",
+            help="Name of an included query, file with a query, or `-` for standard input.",
             show_default=False,
         ),
     ] = None,
     results_dir: ResultsDir = None,
     output: AnswerFormat = "table",
     list_queries: Annotated[
-        bool, typer.Option("--list", help="List the queries of the package and exit.")
+        bool, typer.Option("--list", help="List the included queries and exit.")
     ] = False,
     bucket: Buckets = None,
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Ask the provenance graphs of campaigns with SPARQL.
+    """Query the provenance graphs of campaigns with SPARQL.
 
     The prefixes rdf, rdfs, xsd, prov, dcterms, dcat, foaf, robovast, smm, scenarios, env, agn, qudt
-    and unit need not be declared. A table has IRIs relative to the campaign, CSV and JSON have
-    complete ones. With --bucket only the graphs are downloaded, which results
-    processing in the cluster makes.
+    and unit are predeclared. Tables contain IRIs relative to the campaign. CSV and JSON contain
+    complete IRIs. --bucket downloads only the graphs, which exist if the cluster has postprocessed
+    the results.
     """
     from robovast.base.errors import InputError
     from robovast.campaign.finding import find_campaigns
@@ -56,8 +61,8 @@ def sparql(
         folders = [one.bring(GRAPH) for one in found]
         if not any(os.path.isfile(folder / GRAPH) for folder in folders):
             raise InputError(
-                f"no graph is stored of {', '.join(bucket)}: results processing in the cluster "
-                "makes it (`spec.processResults: true` of the Campaign). To make it here: "
+                f"no graph is stored for {', '.join(bucket)}. The cluster writes it with "
+                "`spec.processResults: true` in the Campaign. To write it on this machine, run "
                 "`vast results download`, then `vast results postprocess`."
             )
         print_answer(query, folders, output)

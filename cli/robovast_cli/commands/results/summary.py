@@ -1,4 +1,4 @@
-"""`vast results summary`: how a campaign went."""
+"""`vast results summary`: failure rates, causes and factors of a campaign."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import typer
 
 from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
 from robovast_cli.commands.results.options import ReportFormat, ResultsDir
-from robovast_cli.lazy import new_app
+from robovast_cli.lazy import examples, new_app
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,18 +17,23 @@ if TYPE_CHECKING:
 
     from robovast.evaluation.summaries import CampaignSummary, VariantRuns
 
-app = new_app("Say how a campaign went: which configurations fail how often, and how sure that is.")
+app = new_app("Show failure rates, their causes and factors.")
 
 
 @app.command()
+@examples(
+    ("vast results summary results/hall-2026-03-04-152130", "Show one campaign"),
+    ("vast results summary --worst 0 --limit 0.2", "List all configurations"),
+    ("vast results summary --bucket hall-2026-03-04-152130", "Read the object storage"),
+)
 def summary(
     ctx: typer.Context,
     campaign: Annotated[
         str | None,
         typer.Argument(
             metavar="CAMPAIGN",
-            help="Folder of a campaign, or its name in the results folder; the only one there when "
-            "omitted.",
+            help="Folder of a campaign, or its name in the results folder (default: its only "
+            "campaign).",
             show_default=False,
         ),
     ] = None,
@@ -36,14 +41,14 @@ def summary(
     limit: Annotated[
         float,
         typer.Option(
-            metavar="SHARE",
-            help="Share of bad runs between sound and broken: above 0 and below 1.",
+            metavar="RATE",
+            help="Threshold between passing and failing configurations. Above 0 and below 1.",
         ),
     ] = 0.1,
     worst: Annotated[
         int,
         typer.Option(
-            "--worst", min=0, metavar="N", help="Configurations in the table; 0 means all."
+            "--worst", min=0, metavar="N", help="Maximum length of each table. 0 lists everything."
         ),
     ] = 30,
     output: ReportFormat = "text",
@@ -51,13 +56,14 @@ def summary(
     context: Context = None,
     namespace: Namespace = None,
 ) -> None:
-    """Say how a campaign went: configurations, the worst first, each failure rate with its
-    interval, what is undecided, why runs failed, and which factors make them fail.
+    """Show failure rates, their causes and factors.
 
-    A configuration is sound or broken when the 95 % interval of its failure rate lies below or
-    above the limit, and undecided otherwise. Runs that failed or errored are bad; interrupted ones
-    do not count. JSON holds all configurations, causes and parameters. With --bucket only the
-    tables of the campaign are read, when all runs have ended.
+    A configuration is passing if the 95 % interval of its failure rate is below the threshold. It
+    is failing if the interval is above the threshold, and inconclusive if the interval contains the
+    threshold. Failed and errored runs are unsuccessful. Interrupted runs do not count.
+
+    The worst configurations are listed first. JSON contains all configurations, causes and
+    parameters. --bucket reads only the tables of the campaign, after all runs have finished.
     """
     from robovast.base.errors import InputError
     from robovast.campaign.failure_groups import failure_groups
@@ -68,9 +74,11 @@ def summary(
     from robovast_cli.workspace import shown
 
     if not 0 < limit < 1:
-        raise InputError(f"--limit {limit:g}: a share of runs is above 0 and below 1, such as 0.1.")
+        raise InputError(f"--limit {limit:g}: the rate must be above 0 and below 1, such as 0.1.")
     if campaign is not None and bucket is not None:
-        raise InputError("name one campaign: CAMPAIGN is here, `--bucket NAME` is in a bucket.")
+        raise InputError(
+            "use either CAMPAIGN (a local folder) or `--bucket NAME` (object storage)."
+        )
     if bucket is not None:
         folder, (found, variants) = None, _in_bucket(bucket, context, namespace)
     else:
@@ -92,13 +100,13 @@ def summary(
 
 
 def _batches(results: Path | None, summary: CampaignSummary) -> Sequence[str]:
-    """Arguments that let a search go on; empty for any other campaign."""
+    """Return the arguments that resume a search; empty for any other campaign."""
     if results is None or not summary.is_search:
         return ()
     from robovast.base.errors import InputError
     from robovast.evaluation.searches import go_on_words
 
-    with suppress(InputError):  # what its runs say is told all the same
+    with suppress(InputError):  # its rates are shown anyway
         return go_on_words(results, summary)
     return ()
 
@@ -106,7 +114,7 @@ def _batches(results: Path | None, summary: CampaignSummary) -> Sequence[str]:
 def _in_bucket(
     name: str, context: str | None, namespace: str | None
 ) -> tuple[CampaignSummary, list[VariantRuns]]:
-    """A campaign in a bucket, of which only the tables are read."""
+    """Read only the tables of a campaign in a bucket."""
     from robovast.campaign.layout import EXECUTION_RECORD, SEARCH
     from robovast.evaluation.campaign_index import summarized
     from robovast.evaluation.tabled_campaign import read_variants

@@ -79,11 +79,11 @@ class Share:
             matching = [name] if name in known else fnmatch.filter(known, name)
             if not matching and not _GLOB.intersection(name):
                 raise NotOnShareError(
-                    f"there is no campaign `{name}` on the share; it has "
+                    f"no campaign `{name}` on the file share. Available: "
                     f"{', '.join(known) or 'none'}."
                 )
             if not matching:
-                _log.warning("no campaign on the share matches `%s`.", name)
+                _log.warning("no campaign on the file share matches `%s`.", name)
             found += matching
         return [known[name] for name in dict.fromkeys(found)] if names else list(known.values())
 
