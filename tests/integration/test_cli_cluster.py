@@ -836,7 +836,7 @@ def test_results_come_home_with_the_keys_of_the_clusters_secret(
     assert outcome.out.startswith(f"home/{stored.name}-2026: 1 runs, ")
     assert (tmp_path / f"home/{stored.name}-2026/sweep-1-1/0/test.xml").is_file()
     assert is_imported(tmp_path / f"home/{stored.name}-2026")
-    assert "(1 were here)" in vast("download", "-o", "home", group=("results",)).out
+    assert "(1 already existed)" in vast("download", "-o", "home", group=("results",)).out
 
 
 @one_make
@@ -908,7 +908,7 @@ def test_results_that_were_removed_keep_no_others(
     outcome = vast("download", "-o", "home", group=("results",))
     assert outcome.code == 5
     assert "NoSuchBucket" in outcome.err
-    assert "not all could be fetched of gone." in outcome.err
+    assert "incomplete download: gone." in outcome.err
     assert (tmp_path / f"home/{stored.name}-2026/sweep-1-1/0/run.json").is_file()
 
 

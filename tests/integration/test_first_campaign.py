@@ -50,7 +50,7 @@ def test_an_example_ends_with_what_to_type_next_and_readme_queries_it(said: list
     )
     assert done.returncode == 0, done.stderr
     assert (
-        "6 runs, tables and metadata are up to date; its .vast file has no command" in done.stderr
+        "6 runs, tables and metadata are up to date (the .vast file has no commands)" in done.stderr
     )
     rates = [row["param_growth_rate"] for row in json.loads(done.stdout)]
     assert sorted(rates) == [0.05, 0.1, 0.2]

@@ -67,7 +67,7 @@ def told_until_open(command: str, clone: Path, last: str = "") -> list[str]:
 
 def test_the_walk_through_works_as_it_stands_there(clone: Path) -> None:
     first, *others = code_blocks(PAGE, "bash")
-    said = told_until_open(f"{first.strip()} -c 'drive-2-1-2-?'", clone, "2 worked on")
+    said = told_until_open(f"{first.strip()} -c 'drive-2-1-2-?'", clone, "2 processed")
     assert any("2 runs: 2 failed" in line for line in said), "".join(said)
     lines = "".join(others).splitlines(keepends=True)
     (shown,) = [line for line in lines if line.startswith("vast view")]

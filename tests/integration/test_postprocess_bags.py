@@ -51,7 +51,7 @@ def campaign(tmp_path: Path) -> Path:
 def test_bags_become_tables_that_can_be_asked(campaign: Path) -> None:
     done = vast("results", "postprocess", "-r", campaign.parent)
     assert done.returncode == 0, done.stderr
-    assert "4 worked on" in done.stdout
+    assert "4 processed" in done.stdout
     assert "there is no bag" in done.stdout
     assert "(c-2/1)" in done.stdout
     query = "SELECT run, data, param_x FROM rosbag2_text JOIN runs USING (config, run) ORDER BY run"

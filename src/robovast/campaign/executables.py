@@ -35,8 +35,8 @@ def warn_of_executables(campaign: Path) -> str | None:
         return None
     more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
     return (
-        f"{campaign.name} contains code that is executed with your rights: "
-        f"{', '.join(found[:_NAMED])}{more}. Review it first, or leave it out: `vast results "
+        f"{campaign.name} contains code that runs with your permissions: "
+        f"{', '.join(found[:_NAMED])}{more}. Review it first, or skip it: `vast results "
         "metadata --no-plugins`, `vast evaluation gui --skip-postprocessing`."
     )
 

@@ -17,7 +17,7 @@ from robovast_cli.main import command
 LONGEST_SUMMARY = 70
 WIDTH = 100
 
-SAME = {"evaluation mcp-server": "mcp"}
+SAME = {"evaluation mcp-server": "mcp", "results import-results": "import-results"}
 """Commands whose help is that of another one."""
 
 COMMANDS = dict(commands())

@@ -24,9 +24,7 @@ def test_tables_that_could_not_be_written_are_not_up_to_date(
     assert line(failed, capsys) == "hall: 6 runs, 1 failed"
     document = Path("hall/_config/a.vast")
     for summary, why in (
-        (CampaignSummary(Path("hall"), document, 6), "its .vast file has no command"),
-        (CampaignSummary(Path("hall"), runs=6), "the campaign has no .vast file, so no command"),
+        (CampaignSummary(Path("hall"), document, 6), "the .vast file has no commands"),
+        (CampaignSummary(Path("hall"), runs=6), "the campaign has no .vast file, so no commands"),
     ):
-        assert f"6 runs, tables and metadata are up to date; {why} to execute" in line(
-            summary, capsys
-        )
+        assert f"6 runs, tables and metadata are up to date ({why})" in line(summary, capsys)

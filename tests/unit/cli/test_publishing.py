@@ -274,13 +274,13 @@ def test_a_described_share_is_where_results_come_from(
     assert vast("results", "download", "--from", "share").code == 2
     monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "share.py:Share")
     outcome = vast("results", "download", "-o", "home", "--keep-archive")
-    assert (outcome.code, outcome.out) == (0, "home/far-away: fetched from the share.\n")
+    assert (outcome.code, outcome.out) == (0, "home/far-away: downloaded from the file share.\n")
     assert {path.name for path in (folder / "home").iterdir()} == {"far-away", "far-away.tar.gz"}
     outcome = vast("results", "download", "-o", "home")
-    assert outcome.out == "home/far-away: is here; `--force` fetches it again.\n"
+    assert outcome.out == "home/far-away: already exists. `--force` downloads it again.\n"
     outcome = vast("results", "download", "-i", "other")
     assert outcome.code == 2
-    assert "it has far-away. `--from cluster` looks in the cluster's storage." in outcome.err
+    assert "Available: far-away. `--from cluster` searches the object storage." in outcome.err
     assert vast("results", "download", "--from", "cluster").code == 3
     outcome = vast("results", "download", "-n", "lab")
     assert (outcome.code, "ROBOVAST_SHARE_TYPE" in outcome.err) == (3, False)

@@ -113,7 +113,7 @@ def test_a_comment_and_a_report_are_written(vast, results, tmp_path) -> None:
     ("arguments", "message"),
     [
         ((BASE, "gone"), "no campaign `gone`"),
-        ((BASE, "other"), "no configuration has the same parameters"),
+        ((BASE, "other"), "no configuration has equal parameters"),
         ((BASE, "empty"), "has no stored runs"),
         ((BASE, "folder"), "folder contains no campaign"),
         ((BASE, WORSE, "--margin", "-0.1"), "--margin -0.1: the rate must be at least 0"),

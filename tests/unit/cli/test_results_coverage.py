@@ -97,7 +97,7 @@ def test_the_document_of_the_holes_runs_all_of_them_under_the_names_of_the_produ
     root = stored(tmp_path)
     holes = root / "_config" / "holes.vast"
     code, text = said([root, "--holes", holes], capsys)
-    assert (code, f"Run them: vast -V {holes} exec local run" in text) == (0, True)
+    assert (code, f"To run: vast -V {holes} exec local run" in text) == (0, True)
     variants = expand(load_document(holes), tmp_path)
     whole = load_document(root / "_config" / "hall.vast")
     full = {v.name: dict(v.parameters) for v in expand_all(whole, tmp_path)}

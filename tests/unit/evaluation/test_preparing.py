@@ -22,7 +22,7 @@ try:
     print("three: is no campaign of it", flush=True)
     if sys.argv[1] == "quick":
         Path("two/data.db").touch()
-        print("two: 1 run, 1 worked on", flush=True)
+        print("two: 1 run, 1 processed", flush=True)
         sys.exit()
     if sys.argv[1] == "killed":
         subprocess.Popen(["sleep", sys.argv[2]])
@@ -48,7 +48,7 @@ def test_it_counts_campaigns_and_says_whether_any_table_was_made(tmp_path: Path)
     made.start()
     eventually(lambda: not made.state().running)
     assert made.state() == Prepared(2, 2, False, True)
-    assert said[-1] == "two: 1 run, 1 worked on"
+    assert said[-1] == "two: 1 run, 1 processed"
     again = preparation(tmp_path, "quick", said)
     again.start()
     eventually(lambda: not again.state().running)
@@ -96,7 +96,7 @@ def test_one_that_is_killed_is_no_longer_waited_for(tmp_path: Path) -> None:
 def test_a_name_may_have_a_colon(tmp_path: Path) -> None:
     campaign = tmp_path / "hall: 2"
     campaign.mkdir()
-    child = "print('hall: 2: 1 run, 1 worked on')"
+    child = "print('hall: 2: 1 run, 1 processed')"
     made = Preparation([sys.executable, "-c", child], [campaign], lambda _: None)
     made.start()
     eventually(lambda: not made.state().running)

@@ -29,7 +29,7 @@ def compare(
     new: Annotated[
         list[str],
         typer.Argument(
-            metavar="NEW…", help=f"Campaign to compare: {_CAMPAIGN}. Several are possible."
+            metavar="NEW…", help="Campaigns to compare, by folder or by name in the results folder."
         ),
     ],
     results_dir: ResultsDir = None,

@@ -1,4 +1,4 @@
-"""Fetching campaigns in front of a user."""
+"""Download campaigns from object storage, and report progress."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robovast_cli.ui.report import tell
 from robovast_cli.workspace import shown
 
 MOST_TOLD = 20
-"""Warnings about objects that are left out or stored under other paths."""
+"""Maximum number of warnings about objects that are skipped or stored under other paths."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def download_campaigns(
     *,
     force: bool,
 ) -> None:
-    """Fetch the named campaigns of a namespace, or all.
+    """Download the named campaigns of a namespace, or all.
 
     Args:
         context: of the kubeconfig; the current one when None.
@@ -62,11 +62,11 @@ def download_campaigns(
             results.name for results in chosen if not _try(kube, results, output, force=force)
         ]
     if failed:
-        raise StorageError(f"not all could be fetched of {', '.join(failed)}.")
+        raise StorageError(f"incomplete download: {', '.join(failed)}.")
 
 
 def download_run(context: str | None, namespace: str | None, run: str, output: Path) -> Path:
-    """Fetch a run, and what a replay needs beside it; returns its folder.
+    """Download a run with the files that a replay needs; return its folder.
 
     Args:
         context: of the kubeconfig; the current one when None.
@@ -85,8 +85,8 @@ def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
     stored = [campaign for campaign in known if campaign.bucket]
     if not stored:
         raise InputError(
-            f"no campaign in the namespace {kube.namespace} has results. `--namespace` chooses "
-            "another one, `--campaign` also finds results whose Campaign was removed."
+            f"no campaign in the namespace {kube.namespace} has results. Set the namespace with "
+            "`--namespace`. `--campaign` also finds results of deleted Campaigns."
         )
     return [results_of(campaign) for campaign in stored]
 
@@ -116,12 +116,12 @@ def results_of(campaign: CampaignState) -> Results:
     """
     if not campaign.bucket:
         why = "; ".join(campaign.messages)
-        raise CannotRunError(f"{campaign.name}: has no results, because it was rejected: {why}")
+        raise CannotRunError(f"{campaign.name} has no results, because it was rejected: {why}")
     return Results(campaign.folder, campaign.bucket, place_of(campaign), campaign)
 
 
 def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bool:
-    """Fetch a campaign; a fault in one keeps none of the others."""
+    """Download a campaign; an error does not stop the other downloads."""
     try:
         download_results(kube, results, output, force=force)
     except StorageError as error:
@@ -133,16 +133,16 @@ def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bo
 def download_results(
     kube: Kubernetes, results: Results, output: Path, *, force: bool = False, run: str | None = None
 ) -> Path:
-    """Fetch a campaign, or a run of it; returns the campaign's folder."""
+    """Download a campaign, or one of its runs; return the folder of the campaign."""
     with open_store(kube, results.place) as store:
         if results.campaign is not None:
             if _has_not_begun(results.campaign) and not store.has_bucket(results.bucket):
-                say(f"{results.campaign.name}: nothing is stored yet; repeat the command later.")
+                say(f"{results.campaign.name}: nothing is stored yet. Repeat the command later.")
                 return output / results.name
             is_owned(store, results.bucket, results.campaign.uid)
         folder = folder_for(output, results.name, owner_of(store, results.bucket))
         if folder.name != results.name:
-            say(f"{results.name} is another campaign's folder here; this one is {folder.name}.")
+            say(f"The folder {results.name} belongs to another campaign. Using {folder.name}.")
         with Bars() as bars:
             view = _Shown(bars, folder.name)
             result = download_campaign(
@@ -162,18 +162,18 @@ def _has_not_begun(campaign: CampaignState) -> bool:
 
 def _summary(result: DownloadResult) -> Iterator[str]:
     total = result.fetched + result.present
-    here = f" ({result.present} were here)" if result.present else ""
-    yield f"{shown(result.campaign)}: {total} runs{here}, {fmt_size(result.size)} fetched."
+    here = f" ({result.present} already existed)" if result.present else ""
+    yield f"{shown(result.campaign)}: {total} runs{here}, {fmt_size(result.size)} downloaded."
     if result.unfinished:
-        yield f"{len(result.unfinished)} runs are not stored yet; repeat the command later."
+        yield f"{len(result.unfinished)} runs are not stored yet. Repeat the command later."
     if result.lacking:
         yield (
-            f"{len(result.lacking)} runs wrote files that could not be stored, {result.lacking[0]} "
-            "the first: `missing` in their run.json says which, and why."
+            f"{len(result.lacking)} runs have files that could not be stored. `missing` in their "
+            f"run.json lists the files with reasons, for example in {result.lacking[0]}."
         )
     yield from result.warnings[:MOST_TOLD]
     if len(result.warnings) > MOST_TOLD:
-        yield f"… and {len(result.warnings) - MOST_TOLD} objects more."
+        yield f"… and {len(result.warnings) - MOST_TOLD} more objects."
 
 
 class _Shown:

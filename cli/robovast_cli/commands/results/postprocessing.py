@@ -1,4 +1,4 @@
-"""Postprocessing in front of a user: progress while it runs, failures at the end."""
+"""Postprocess campaigns: report progress, and list failures at the end."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from robovast_cli.ui.output import say
 from robovast_cli.ui.report import tell
 
 MOST_LISTED = 20
-"""Failures that the summary names at most."""
+"""Maximum number of failures in the summary."""
 _GIVEN = ("results_dir", "config_dir", *GIVEN)
 """Parameters that no .vast file sets."""
 
@@ -31,7 +31,7 @@ class View:
         self._step = ("", 0, 0)
 
     def campaign_started(self, campaign: Path, runs: int) -> None:
-        """Nothing to say yet: most often nothing has changed."""
+        """Print nothing, because most campaigns have not changed."""
 
     def step_started(self, title: str, total: int) -> None:
         """Begin to count."""
@@ -54,17 +54,17 @@ class View:
         say(text)
 
     def campaign_finished(self, summary: CampaignSummary) -> None:
-        """Say how it went."""
+        """Print the result of a campaign."""
         self.close()
         say(f"{summary.campaign.name}: {_outcome(summary)}")
 
     def close(self) -> None:
-        """Take the bar away; the next step brings it back."""
+        """Remove the bar; the next step shows it again."""
         self._bars.close()
 
 
 def run(results: Path, options: Options) -> ExitCode:
-    """Postprocess the campaigns of a folder and say how it went."""
+    """Postprocess the campaigns of a folder, and report the result."""
     view = View()
     try:
         summaries = postprocess(results, options, view)
@@ -75,9 +75,11 @@ def run(results: Path, options: Options) -> ExitCode:
     for text in told[:MOST_LISTED]:
         tell(f"failed: {text}")
     if len(told) > MOST_LISTED:
-        typer.echo(f"… and {len(told) - MOST_LISTED} more failures.", err=True)
+        typer.echo(f"… and {len(told) - MOST_LISTED} more failures", err=True)
     if any(summary.interrupted for summary in summaries):
-        typer.echo("interrupted; finished work is kept, the rest is done next time", err=True)
+        typer.echo(
+            "interrupted; finished work is kept. Run the command again to continue.", err=True
+        )
         return ExitCode.INTERRUPTED
     return min((failure.code for failure in failures), default=ExitCode.OK)
 
@@ -97,18 +99,18 @@ def _outcome(summary: CampaignSummary) -> str:
     if not summary.commands and summary.failures:
         text = runs
     elif not summary.commands:
-        why = "its .vast file has" if summary.document else "the campaign has no .vast file, so"
-        text = f"{runs}, tables and metadata are up to date; {why} no command to execute"
+        why = "the .vast file has" if summary.document else "the campaign has no .vast file, so"
+        text = f"{runs}, tables and metadata are up to date ({why} no commands)"
     elif not summary.worked:
         text = f"{runs}, nothing changed"
     else:
-        text = f"{runs}, {len(summary.worked)} worked on"
+        text = f"{runs}, {len(summary.worked)} processed"
     return text + (f", {len(summary.failures)} failed" if summary.failures else "")
 
 
 def print_commands() -> None:
-    """Print all installed commands; errors are shown for those that cannot be loaded."""
+    """Print all installed commands, with an error for each that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
     typer.echo(
-        "\nA command in a file is written `<path>.py:<name>`; docs/reference/postprocessing.md."
+        "\nTo use a command in a file, write `<path>.py:<name>` (docs/reference/postprocessing.md)."
     )

@@ -1,4 +1,4 @@
-"""Publication in front of a user."""
+"""Publish campaigns, and report progress."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def publish_campaigns(results: Path, choice: Choice) -> ExitCode:
         code = _postprocess([item.path for batch in batches for item in batch.campaigns], choice)
         if code is not ExitCode.OK:
             typer.echo(
-                "Nothing was published; `--skip-postprocessing` publishes it all the same.",
+                "Nothing was published. `--skip-postprocessing` publishes without postprocessing.",
                 err=True,
             )
             return code
@@ -54,9 +54,9 @@ def publish_campaigns(results: Path, choice: Choice) -> ExitCode:
 
 
 def print_plugins() -> None:
-    """Print all installed plugins; errors are shown for those that cannot be loaded."""
+    """Print all installed plugins, with an error for each that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
-    typer.echo("\nA plugin in a file is written `<path>.py:<name>`; docs/how-to/publish.md.")
+    typer.echo("\nTo use a plugin in a file, write `<path>.py:<name>` (docs/how-to/publish.md).")
 
 
 def _postprocess(campaigns: list[Path], choice: Choice) -> ExitCode:
@@ -73,6 +73,6 @@ def _context(bars: Bars) -> PublicationContext:
 
     def confirm(path: Path) -> bool:
         bars.close()
-        return asked(f"{shown(path)} exists and differs. Replace it?", default=True)
+        return asked(f"{shown(path)} exists with other contents. Replace it?", default=True)
 
     return PublicationContext((), confirm=confirm, progress=bars)

@@ -1,4 +1,4 @@
-"""Fetching campaigns from the share in front of a user."""
+"""Download campaigns from the file share, and report progress."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from robovast_cli.workspace import shown
 
 
 def download_shared(names: Sequence[str], output: Path, *, force: bool, keep_archive: bool) -> None:
-    """Fetch the named campaigns from the share, or all.
+    """Download the named campaigns from the file share, or all.
 
     Args:
-        names: of results folders; none means all that are on the share.
+        names: of results folders; none means all campaigns on the file share.
         output: folder for the campaigns' folders.
         force: also download existing campaigns and replace them.
-        keep_archive: leave the archives beside the folders.
+        keep_archive: leave the archives next to the folders.
     """
     with open_share() as share, Bars() as progress:
         try:
@@ -28,12 +28,12 @@ def download_shared(names: Sequence[str], output: Path, *, force: bool, keep_arc
                 share, names, output, force=force, keep_archive=keep_archive, progress=progress
             )
         except NotOnShareError as error:
-            raise InputError(f"{error} `--from cluster` looks in the cluster's storage.") from error
+            raise InputError(f"{error} `--from cluster` searches the object storage.") from error
     for folder in fetched:
-        say(f"{shown(folder)}: fetched from the share.")
+        say(f"{shown(folder)}: downloaded from the file share.")
         if warning := warn_of_executables(folder):
             say(warning)
     for folder in present:
-        say(f"{shown(folder)}: is here; `--force` fetches it again.")
+        say(f"{shown(folder)}: already exists. `--force` downloads it again.")
     if not fetched and not present:
-        say("There is no campaign on the share.")
+        say("No campaigns on the file share.")
