@@ -33,6 +33,7 @@ from uuid import uuid4
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.campaigns.finished import finished_campaign
+from support.campaigns.owner import OWNER
 from support.servers.page import shown
 
 from robovast.agent.bucket import Bucket
@@ -217,7 +218,7 @@ def download(
     near: ObjectStore, address: str, keys: Credentials, bucket: str, runs: int, folder: Path
 ) -> None:
     campaign = finished_campaign(folder / "made", runs, runs_per_variant=20)
-    store_own_tree(Bucket(near, bucket, None), campaign)
+    store_own_tree(Bucket(near, bucket, OWNER), campaign)
     far = ObjectStore(Endpoint.parse(f"http://{address}"), keys, connections=16)
     seconds = timed(lambda: download_campaign(far, bucket, folder / "home", Silent()))
     print(f"download of {runs} runs: {seconds:.1f} s, {seconds / runs * 1000:.1f} ms each")

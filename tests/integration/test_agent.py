@@ -978,7 +978,7 @@ def test_a_finished_campaign_equals_a_local_one_file_by_file(make: Make, tmp_pat
     assert [(item["id"], item["verdict"]) for item in index["runs"]] == [
         (0, "passed"), (1, "failed"), (2, "passed"),
     ]  # fmt: skip
-    tables = tables_in(campaign.store, campaign.bucket, "c", tmp_path / "nothing")
+    tables = tables_in(campaign.store, campaign.bucket, "c")
     asked = ask([tables], "SELECT config, run, verdict, param_x FROM runs ORDER BY id").rows
     assert asked == [
         ("one-1", 0, "passed", 1),

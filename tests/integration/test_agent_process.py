@@ -14,6 +14,7 @@ from robovast_testbed.s3 import Server
 from support.campaigns.finished import finished_campaign
 from support.campaigns.local import make_campaign
 from support.campaigns.one_run import killed_after, open_store
+from support.campaigns.owner import OWNER
 from support.campaigns.stored import write
 from support.kube.pod_processes import Campaign, Pod, keys_by_path
 
@@ -91,7 +92,7 @@ class Stored:
         keys = Credentials(server.access_key, server.secret_key)
         self.store = ObjectStore(Endpoint.parse(self.url), keys, patience=60)
         self.store.make_bucket(self.bucket)
-        store_own_tree(Bucket(self.store, self.bucket, None), campaign)
+        store_own_tree(Bucket(self.store, self.bucket, OWNER), campaign)
 
     def process(self) -> tuple[int, str]:
         """What a new pod of the Job answers: exit code and termination message."""
@@ -231,7 +232,7 @@ def test_it_may_be_killed_after_any_request_that_adds_to_a_run(
     after = {**before, "c-1/0/new.csv": b"new", "c-1/0/out.csv": b"changed"}
     for number in itertools.count():
         store = open_store(s3_server)
-        bucket = Bucket(store, stored.bucket, None)
+        bucket = Bucket(store, stored.bucket, OWNER)
         was_killed = killed_after(
             store, number, lambda b=bucket: add_to_run(b, home, "c-1/0", names)
         )

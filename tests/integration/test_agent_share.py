@@ -14,6 +14,7 @@ from uuid import uuid4
 
 import pytest
 from robovast_testbed.s3 import Server
+from support.campaigns.owner import OWNER
 from support.campaigns.stored import NAME, write, write_campaign
 from support.faults.small_disk import small_disk
 from support.patience import PATIENCE
@@ -115,7 +116,7 @@ def stored(tmp_path: Path, s3_server: Server) -> Iterator[Stored]:
     store = ObjectStore(Endpoint.parse(endpoint), keys, patience=60)
     made = Stored(store, f"test-{uuid4().hex[:12]}", endpoint, tmp_path / "mounts")
     store.make_bucket(made.bucket)
-    store_own_tree(Bucket(store, made.bucket, None), campaign)
+    store_own_tree(Bucket(store, made.bucket, OWNER), campaign)
     yield made
     store.delete_bucket(made.bucket)
 

@@ -197,7 +197,7 @@ def test_without_key_or_checksums_a_run_is_executed_and_that_is_said(first: Path
     _, told = again(first)
     assert sorted(told.started) == ["one-1/0", "one-2/0"]
     said = "\n".join(told.messages)
-    assert "one-1/0: it has no key (an older version or a cluster executed it)." in said
+    assert "one-1/0: it has no key (RoboVAST 1.x or a cluster executed it)." in said
     assert "one-2/0: it has no checksums" in said
 
 

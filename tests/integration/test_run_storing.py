@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from robovast_testbed.s3 import Server
 from support.campaigns.one_run import Execution, Stepper, check_whole, killed_after, open_store
+from support.campaigns.owner import OWNER
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.check import check_runs
@@ -32,7 +33,7 @@ def store(s3_server: Server) -> ObjectStore:
 
 def check_all(store: ObjectStore, bucket: str, runs: list[str]) -> dict[str, str]:
     """As `finish` does it."""
-    of_campaign = Bucket(store, bucket, None)
+    of_campaign = Bucket(store, bucket, OWNER)
     return check_runs(of_campaign, {run: of_campaign.seen(run) for run in runs})
 
 
@@ -198,7 +199,7 @@ def test_what_this_disk_cannot_have_costs_its_run_alone(
     deep = Execution(s3_server, bucket, "one-1/0", "deep")
     deep.storing()
     Execution(s3_server, bucket, "one-1/1", "plain").storing()
-    record, etag = (of_campaign := Bucket(store, bucket, None)).seen("one-1/0")
+    record, etag = (of_campaign := Bucket(store, bucket, OWNER)).seen("one-1/0")
     assert record is not None
     assert record.files is not None
     [file] = listed_files(store, bucket, "one-1/0", record.files)
@@ -216,7 +217,7 @@ def test_a_file_of_a_run_beside_a_folder_of_its_name_comes_home(
 ) -> None:
     """As two executions of postprocessing may leave it: first a file, then a folder."""
     Execution(s3_server, bucket, "one-1/0", "plain", files={"b": b"later"}).storing()
-    record, etag = (of_campaign := Bucket(store, bucket, None)).seen("one-1/0")
+    record, etag = (of_campaign := Bucket(store, bucket, OWNER)).seen("one-1/0")
     assert record is not None
     assert record.files is not None
     listed = listed_files(store, bucket, "one-1/0", record.files)
@@ -237,7 +238,7 @@ def test_a_record_that_names_no_list_costs_its_run_alone(
 ) -> None:
     for number in (0, 1):
         Execution(s3_server, bucket, f"one-1/{number}", "plain").storing()
-    of_campaign = Bucket(store, bucket, None)
+    of_campaign = Bucket(store, bucket, OWNER)
     record, etag = of_campaign.seen("one-1/0")
     assert record is not None
     assert record.files is not None

@@ -58,8 +58,8 @@ class Accepted:
         return self.vast.execution.test() is not None
 
     @property
-    def seed(self) -> int | None:
-        """Seed of the campaign; None when it was begun by an older version.
+    def seed(self) -> int:
+        """Seed of the campaign.
 
         Without one in the document it follows from the object's uid, which is drawn once and lasts.
         """
@@ -83,8 +83,8 @@ class Accepted:
         return bucket_name(self.campaign, prefix, self.identity.uid)
 
     @property
-    def owner(self) -> Owner | None:
-        """The owner that the bucket names; None if an older version started the campaign."""
+    def owner(self) -> Owner:
+        """The owner that the bucket names."""
         if self.planned is not None:
             return self.planned.owner
         identity = self.identity

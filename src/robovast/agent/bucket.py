@@ -27,18 +27,28 @@ MOST_JOBS = 10_000
 """Most jobs of one pack; each pod that begins it claims some."""
 
 
+def seen_record(store: ObjectStore, bucket: str, run: str) -> tuple[RunRecord | None, str | None]:
+    """The record of a run (None if there is none that can be read), and its ETag.
+
+    Raises:
+        StorageError: the storage refuses, or is gone for too long.
+    """
+    found = store.look(bucket, f"{run}/{RUN_RECORD}")
+    return (parse_run_record(found.content), found.etag) if found else (None, None)
+
+
 class Bucket:
     """Records of runs and names of jobs.
 
     Every method raises `StorageError` when the server refuses, or is gone for too long.
     """
 
-    def __init__(self, store: ObjectStore, name: str, owner: Owner | None) -> None:
+    def __init__(self, store: ObjectStore, name: str, owner: Owner) -> None:
         """
         Args:
             store: the S3 server.
             name: name of the bucket.
-            owner: the campaign that it belongs to; None if an older version started the campaign.
+            owner: the campaign that it belongs to.
         """
         self.store = store
         self.name = name
@@ -50,10 +60,7 @@ class Bucket:
         Raises:
             OtherOwnerError: it is another campaign's.
         """
-        if self._owner is not None:
-            claim(self.store, self.name, self._owner)
-        elif not is_owned(self.store, self.name, None):
-            self.store.make_bucket(self.name)
+        claim(self.store, self.name, self._owner)
 
     def remove(self) -> None:
         """Remove the bucket with its content, if it exists.
@@ -61,8 +68,7 @@ class Bucket:
         Raises:
             OtherOwnerError: it is another campaign's, or it has content and names no owner.
         """
-        uid = self._owner.uid if self._owner is not None else None
-        owned = is_owned(self.store, self.name, uid) or self._owner is None
+        owned = is_owned(self.store, self.name, self._owner.uid)
         if not owned and self.store.has_bucket(self.name) and any(self.store.objects(self.name)):
             raise OtherOwnerError(f"the bucket {self.name} does not name its owner.")
         self.store.delete_bucket(self.name, last=OWNER, content=owned)
@@ -73,8 +79,7 @@ class Bucket:
 
     def seen(self, run: str) -> tuple[RunRecord | None, str | None]:
         """The record of a run (None if there is none that can be read), and its ETag."""
-        found = self.store.look(self.name, f"{run}/{RUN_RECORD}")
-        return (parse_run_record(found.content), found.etag) if found else (None, None)
+        return seen_record(self.store, self.name, run)
 
     def settle(self, run: str, record: RunRecord, etag: str | None) -> bool:
         """Store a run's record; return False if the record was replaced since it was read.

@@ -19,12 +19,9 @@ from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import InputError
 from robovast.base.ranges import Span
 from robovast.campaign.configurations import (
-    document_path,
-    read_configurations,
     variants_digest,
-    variants_in,
 )
-from robovast.campaign.layout import CONFIGURATIONS, Layout
+from robovast.campaign.layout import Layout
 from robovast.kubeapi.pod_contract.exit_codes import PlanError
 from robovast.kubeapi.pod_contract.storage_address import passed_address
 from robovast.model.document import Document, load_document
@@ -177,10 +174,8 @@ def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     layout = Layout(campaign.folders.inputs)
     shutil.rmtree(layout.root, ignore_errors=True)
     download(campaign, f"{CONFIG}/", layout.root)
-    if campaign.plan.composed is None:  # an older version composed it
-        download(campaign, CONFIGURATIONS, layout.root)
-        data = read_configurations(layout)
-        return load_document(document_path(layout, data)), variants_in(layout, data)
+    if campaign.plan.composed is None:
+        raise InputError(f"the plan of {campaign.plan.campaign} names no list of variants.")
     growing = campaign.plan.expansion == "proposed"
     composed = Composed(campaign.bucket, layout, campaign.plan.composed, growing=growing)
     check_files(composed.inputs, layout.config)

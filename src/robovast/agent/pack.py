@@ -74,7 +74,7 @@ class Pack:
 
     campaign: str
     bucket: str
-    owner: Owner | None
+    owner: Owner
     """Whose the bucket is."""
     image: str
     number: int
@@ -142,7 +142,7 @@ class Pack:
 
     def write(self, path: Path) -> None:
         """Write it as JSON; numbers that JSON lacks stay what they are."""
-        data = {**asdict(self), "owner": self.owner and self.owner.model_dump()}
+        data = {**asdict(self), "owner": self.owner.model_dump()}
         path.write_text(json.dumps(data, default=str), encoding="utf-8")
 
 
@@ -156,7 +156,7 @@ def read_pack(path: Path) -> Pack:
     data = json.loads(read_file(path, most=MOST_OF_ALL))
     done = {int(id_): Verdict(verdict) for id_, verdict in data["done"].items()}
     changed = {
-        "owner": data["owner"] and Owner(**data["owner"]),
+        "owner": Owner(**data["owner"]),
         "runs": tuple(map(_run, data["runs"])),
         "done": done,
         "scenario": _scenario(data["scenario"]),

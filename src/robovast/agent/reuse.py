@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from robovast.agent.bucket import Bucket
+from robovast.agent.bucket import seen_record
 from robovast.agent.campaign import Campaign
 from robovast.agent.offers import find_offer, is_result
 from robovast.agent.pack import KeyParts, Pack, PodStart
@@ -148,7 +148,7 @@ def _find(store: ObjectStore, key: str) -> _Found | None:
         StorageError: the storage refuses, or is gone for too long.
     """
     place = find_offer(store, key)
-    record = Bucket(store, place.bucket, None).record(place.run) if place is not None else None
+    record = seen_record(store, place.bucket, place.run)[0] if place is not None else None
     if place is None or record is None or record.key != key or not is_result(record):
         return None  # its campaign is gone, or has repeated it
     name = f"{place.bucket}/{place.run}"

@@ -8,7 +8,7 @@
 ```
 
 Objects without a reference in a record were left by a writer that was killed, and are ignored.
-Records of older versions name no list; a run's files are then the objects beside its record.
+Records of other tools name no list; a run's files are then the objects beside its record.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from robovast.campaign.run_files import FileList, MissingFile, with_unknown, wit
 from robovast.campaign.verdict import TestResult, Verdict, read_test_result
 
 SCHEMA = 1
-"""Version of the format; added keys do not change it, since older versions ignore them."""
+"""Version of the format; added keys do not change it, since readers ignore unknown ones."""
 
 PLACE = "files"
 """Key that refers to the run's files in a bucket; not a property of the run itself."""
@@ -62,7 +62,7 @@ class RunRecord:
     pod: str = ""
     """The pod that executed the run on a cluster, else empty."""
     seed: int | None = None
-    """Seed of the run's random numbers; None if an older version began the campaign."""
+    """Seed of the run's random numbers; None in campaigns of RoboVAST 1.x."""
     key: str = ""
     """What the run depended on, as a hash: equal keys mean the same work; empty if not known."""
     outputs: dict[str, str] | None = None

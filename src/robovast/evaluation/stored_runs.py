@@ -131,7 +131,7 @@ def _from_record(number: int, record: RunRecord) -> RunSummary:
 
 
 def _from_test_result(folder: Path, number: int) -> RunSummary:
-    """A run without a record, made by another program or an older version."""
+    """A run without a record, made by another tool."""
     result = result_without_record(folder)
     reason = result.reason[:LONGEST_REASON]
     return RunSummary(number, result.verdict, reason, result.started_at, result.duration)

@@ -23,7 +23,7 @@ class RunSummary:
     duration: float | None
     """[s]"""
     seed: int | None = None
-    """None in campaigns of older versions."""
+    """None in campaigns of RoboVAST 1.x."""
     reused: bool = False
     """Whether another campaign executed it."""
     job: str = ""

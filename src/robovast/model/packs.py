@@ -322,7 +322,7 @@ class Entry(_Data):
     name: str
     variants: PositiveInt
     digest: str | None = None
-    """SHA-256 of the variants; None when not computed yet, and in plans of older versions."""
+    """SHA-256 of the variants; None when not computed yet."""
 
 
 def first_blocks(entries: Sequence[Entry], runs: int) -> tuple[Block, ...]:
@@ -379,8 +379,8 @@ class CampaignPlan(_Data):
     campaign: str
     """Name of the results folder."""
     bucket: str
-    owner: Owner | None = None
-    """The bucket's owner; missing in plans of older versions."""
+    owner: Owner
+    """The bucket's owner."""
     document: str
     """Name of the .vast file among the inputs; its text is stored beside it as `document.vast`."""
     expansion: Literal["pure", "composed", "proposed"]
@@ -397,8 +397,8 @@ class CampaignPlan(_Data):
     """Whether runs are taken over from other campaigns, and offered to them."""
     runs: PositiveInt
     """Runs of every variant of the document."""
-    seed: int | None = None
-    """The campaign's seed; None in plans of older versions, whose runs have none."""
+    seed: int
+    """The campaign's seed."""
     image: str
     """The run image."""
     cluster: str | None = None
@@ -414,6 +414,6 @@ class CampaignPlan(_Data):
     inputs: dict[str, str] = Field(default_factory=dict)
     """SHA-256 of input files by path, for files that the operator has read."""
     composed: str | None = None
-    """SHA-256 of the compose Job's list of variants; None in plans of older versions."""
+    """SHA-256 of the list of variants of a composed or proposed campaign; None before."""
     plan: PlanSpec | None = None
     """None in the plan of the compose Job, which computes it."""

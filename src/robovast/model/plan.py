@@ -27,7 +27,7 @@ class Run:
     number: int
     """Number of the run within its variant, from 0; also the name of its results folder."""
     seed: int | None = None
-    """Seed of its random numbers; None in campaigns that an older version began."""
+    """Seed of its random numbers; None in campaigns of RoboVAST 1.x."""
 
     @property
     def path(self) -> str:

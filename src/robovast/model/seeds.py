@@ -19,7 +19,7 @@ def draw_seed() -> int:
 
 
 def run_seed(campaign_seed: int | None, variant: str, number: int) -> int | None:
-    """The seed of a run; None in a campaign without one, which an older version began.
+    """The seed of a run; None in a campaign without one, of RoboVAST 1.x.
 
     Args:
         campaign_seed: of the campaign.

@@ -38,7 +38,7 @@ def bucket_name(campaign: str, prefix: str = "", uid: str = "") -> str:
         campaign: name of the results folder.
         prefix: prefix of the bucket's name.
         uid: uid of the Campaign; its first digits are appended, since two Campaigns may have the
-            same name and second. Buckets of older versions have none.
+            same name and second. Buckets of RoboVAST 1.x have none.
     """
     wanted = f"{prefix}{campaign}"
     mark = f"-{uid_digits(uid)}" if uid else ""

@@ -1,6 +1,7 @@
 """The owner of a bucket: an object that is created first and never changes.
 
-A bucket without owner belongs to an older version, or to nobody yet.
+A bucket without owner was made by another tool, such as RoboVAST 1.x: it can be downloaded, and
+nothing is written to it.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def find_bucket(store: ObjectStore, name: str) -> tuple[str, Owner | None] | Non
         if owner is None or name in {bucket, owner.campaign}
     ]
     if len(found) > 1:
-        told = ", ".join(f"{bucket} of {owner or 'an older version'}" for bucket, owner in found)
+        told = ", ".join(f"{bucket} of {owner or 'another tool'}" for bucket, owner in found)
         raise InputError(f"several campaigns are called {name}; name the bucket of one: {told}.")
     return found[0] if found else None
 
@@ -96,13 +97,13 @@ def claim(store: ObjectStore, bucket: str, owner: Owner) -> None:
             is_owned(store, bucket, owner.uid)
 
 
-def is_owned(store: ObjectStore, bucket: str, uid: str | None) -> bool:
+def is_owned(store: ObjectStore, bucket: str, uid: str) -> bool:
     """True if a bucket belongs to the Campaign, False if it has no owner.
 
     Args:
         store: the S3 server.
         bucket: its name.
-        uid: uid of the Campaign; None for one of an older version, which owns no bucket.
+        uid: uid of the Campaign.
 
     Raises:
         OtherOwnerError: it belongs to another campaign.
@@ -110,10 +111,9 @@ def is_owned(store: ObjectStore, bucket: str, uid: str | None) -> bool:
     """
     found = owner_of(store, bucket)
     if found is not None and found.uid != uid:
-        asking = f"the one with the uid {uid}" if uid else "the one that asks for it"
         raise OtherOwnerError(
-            f"the bucket {bucket} belongs to {found}, not to {asking}; nothing in it is read, "
-            "written or removed for another. Give this Campaign a bucket of its own: another "
-            "name, or another `spec.storage.prefix`."
+            f"the bucket {bucket} belongs to {found}, not to the one with the uid {uid}; nothing "
+            "in it is read, written or removed for another. Give this Campaign a bucket of its "
+            "own: another name, or another `spec.storage.prefix`."
         )
     return found is not None

@@ -126,7 +126,7 @@ def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
 
 
 def _files_beside(run: RunObjects) -> tuple[BucketFile, ...]:
-    """Files of a run that an older version stored."""
+    """Files of a run whose record names none, as those of other tools."""
     below = len(run.path) + 1
     return tuple(BucketFile(i.key, i) for i in run.objects if i.key[below:] != RUN_RECORD)
 

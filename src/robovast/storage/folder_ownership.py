@@ -1,7 +1,7 @@
 """Records which campaign a folder of results belongs to, since names and times may be equal.
 
 The folder of a cluster campaign contains the owner of its bucket. A folder without owner belongs to
-a local campaign, or to a bucket of an older version.
+a local campaign, or to a bucket that another tool made.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def occupy(folder: Path, owner: Owner | None) -> None:
     if not _is_free_for(folder, owner):
         found = _owner_of(folder)
         raise OtherOwnerError(
-            f"{folder} contains {found or 'a campaign of this machine, or of an older version'}, "
-            f"but the download belongs to {owner or 'an older version'}, so they are kept apart. "
+            f"{folder} contains {found or 'a campaign of this machine, or of another tool'}, "
+            f"but the download belongs to {owner or 'another tool'}, so they are kept apart. "
             "Download it to another folder."
         )
     if owner is not None and _owner_of(folder) is None:

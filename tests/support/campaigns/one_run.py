@@ -25,6 +25,7 @@ from robovast.model.variant import Variant
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
+from support.campaigns.owner import OWNER
 from support.patience import PATIENCE
 
 Files = Mapping[str, bytes]
@@ -94,13 +95,13 @@ class Execution:
         self.files = {**own, **self.files}
         variant, number = self.run.split("/")
         self._run = Run(0, Variant(variant, "entry", {}), int(number))
-        self._results = Results(Bucket(self.store, self.bucket, None), self._pack(), pod="")
+        self._results = Results(Bucket(self.store, self.bucket, OWNER), self._pack(), pod="")
 
     def _pack(self) -> Pack:
         return Pack(
             campaign="test",
             bucket=self.bucket,
-            owner=None,
+            owner=OWNER,
             image="",
             number=0,
             attempt=self.attempt,

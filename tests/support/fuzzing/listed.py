@@ -124,7 +124,7 @@ TRUSTED: dict[str, tuple[str, ...]] = {
         "analysis/postprocessing/builtin",
     ),
     "an answer of a server that the user chose; what is wrong in it is tested next to its client": (
-        *("analysis/publication/zenodo", "analysis/tables/listed_runs", "storage/download"),
+        *("analysis/publication/zenodo", "storage/download"),
         *("storage/http_client", "storage/shares/gcs"),
     ),
     "what pip wrote when it installed this package": ("base/installation",),

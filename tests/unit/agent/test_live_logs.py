@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.campaigns.owner import OWNER
 from support.patience import eventually
 
 from robovast.agent import agent as agent_module
@@ -41,7 +42,7 @@ RUN = Run(0, Variant("hall-1", "hall", {}), 0)
 PACK = Pack(
     campaign="test",
     bucket="test",
-    owner=None,
+    owner=OWNER,
     image="",
     number=0,
     attempt=1,
@@ -148,7 +149,7 @@ def pod(link: Link, out: Path) -> Iterator[tuple[_Keeper, Results, PodStart]]:
         keys = Credentials("key", "secret")
         store = ObjectStore(endpoint, keys, patience=30)
         yielding = ObjectStore(endpoint, keys, patience=0, stopped=background.is_busy)
-        results = Results(Bucket(store, "test", None), PACK, "pod", yielding)
+        results = Results(Bucket(store, "test", OWNER), PACK, "pod", yielding)
         folders: Any = SimpleNamespace(out=out)
         keeper = _Keeper(folders, results, background, {}, [], [])
         yield keeper, results, PACK.job(1, (RUN,))

@@ -83,12 +83,3 @@ def test_a_removal_that_was_interrupted_is_continued(left: int, keys: set[str]) 
     store.left = None
     bucket.remove()
     assert not store.made
-
-
-def test_a_plan_of_an_older_version_removes_no_bucket_with_an_owner() -> None:
-    mine = owner("mine").model_dump_json().encode()
-    store: Any = Store(results={OWNER: mine}, older={"_config/a": b"x"})
-    with pytest.raises(OtherOwnerError):
-        Bucket(store, "results", None).remove()
-    Bucket(store, "older", None).remove()
-    assert list(store.made) == ["results"]

@@ -14,6 +14,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from support.campaigns.owner import OWNER
 
 from robovast.agent import bucket as bucket_module
 from robovast.agent.bucket import Bucket
@@ -111,7 +112,7 @@ def share_operations(archive: Path, kind: type) -> list[Callable[[], object]]:
 def store_operations(url: str, folder: Path) -> list[Callable[[], object]]:
     keys = Credentials("key", "secret")
     store = ObjectStore(Endpoint.parse(url, "us-east-1"), keys, patience=0.2)
-    bucket = Bucket(store, "b-1", None)
+    bucket = Bucket(store, "b-1", OWNER)
     return [
         store.buckets,
         lambda: store.make_bucket("b-1"),

@@ -340,13 +340,6 @@ def test_the_plan_fixes_inputs_and_what_they_expand_to() -> None:
     assert entry.digest == other.digest != fewer.digest
 
 
-def test_a_campaign_of_an_older_version_keeps_its_bucket() -> None:
-    made = accepted()
-    older = campaign_plan(made, None, ()).model_copy(update={"bucket": "drive", "owner": None})
-    later = campaign_plan(replace(made, planned=older), None, ())
-    assert (later.bucket, later.owner) == ("drive", None)
-
-
 def test_a_campaign_keeps_its_seed_whatever_becomes_of_the_operator() -> None:
     made = accepted()
     drawn = campaign_plan(made, None, ()).seed
@@ -358,8 +351,6 @@ def test_a_campaign_keeps_its_seed_whatever_becomes_of_the_operator() -> None:
     planned = campaign_plan(given, None, ())
     assert planned.seed == 0
     assert campaign_plan(replace(made, planned=planned), None, ()).seed == 0
-    older = planned.model_copy(update={"seed": None})
-    assert campaign_plan(replace(made, planned=older), None, ()).seed is None
 
 
 def test_inline_files_are_mounted_as_the_tree_that_they_are() -> None:

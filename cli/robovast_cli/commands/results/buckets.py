@@ -63,11 +63,11 @@ class InBucket:
     scratch: Path
     """Folder for what must be copied; removed at the end."""
 
-    def tables(self) -> StoredTables | Path:
+    def tables(self) -> StoredTables:
         """Its tables; see `tables_in`."""
         from robovast.analysis.tables.in_bucket import tables_in
 
-        return tables_in(self.store, self.bucket, self.campaign, self.scratch)
+        return tables_in(self.store, self.bucket, self.campaign)
 
     def has(self, folder: str) -> bool:
         """Whether a folder of it holds anything."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 from robovast.analysis.tables.stored import StoredTables
 from robovast.base.errors import InputError
@@ -11,17 +10,16 @@ from robovast.campaign.layout import COLUMNAR_TABLES, INDEX, RUNS_TABLE
 from robovast.storage.s3 import ObjectStore
 
 
-def tables_in(store: ObjectStore, bucket: str, campaign: str, scratch: Path) -> StoredTables | Path:
+def tables_in(store: ObjectStore, bucket: str, campaign: str) -> StoredTables:
     """The tables of a campaign in a bucket: the newest of those that are as new as its runs.
 
     Results processing in the cluster makes `tables.duckdb`, the end of every campaign
-    `runs.duckdb`. Older versions made neither: then the list of runs is read.
+    `runs.duckdb`.
 
     Args:
         store: the S3 server.
         bucket: the campaign's.
         campaign: name of its results folder.
-        scratch: existing folder for a copy of the list of runs, which lasts as long as the tables.
 
     Raises:
         InputError: no run of the campaign is listed yet.
@@ -32,11 +30,7 @@ def tables_in(store: ObjectStore, bucket: str, campaign: str, scratch: Path) -> 
         found = store.find(bucket, key)
         if found is not None and (index is None or found.modified >= index.modified):
             return StoredTables(campaign, found.size, partial(store.read_part, bucket, found))
-    if index is None:
-        raise InputError(
-            f"{campaign}: there is nothing to ask in the bucket {bucket} yet: its tables are made "
-            "when all runs have ended. `vast results download` fetches the runs that are stored."
-        )
-    from robovast.analysis.tables.listed_runs import tables_from_index
-
-    return tables_from_index(store, bucket, campaign, scratch)
+    raise InputError(
+        f"{campaign}: there is nothing to ask in the bucket {bucket} yet: its tables are made "
+        "when all runs have ended. `vast results download` fetches the runs that are stored."
+    )

@@ -160,7 +160,7 @@ def recorded_runs(layout: Layout, given: int | None = None) -> PlannedRuns:
 
 
 def recorded_seed(layout: Layout) -> int | None:
-    """The seed that a campaign began with; None when an older version began it."""
+    """The seed that a campaign began with; None when RoboVAST 1.x began it."""
     record = read_mapping(layout.execution_record)
     if "replay_of" in record:
         raise InputError(

@@ -26,7 +26,7 @@ def record_inputs(document: Document, layout: Layout) -> None:
 
 def told_edited(layout: Layout) -> str:
     """A warning about inputs that were edited since; empty if none was, or if nothing is recorded,
-    as in campaigns of older versions."""
+    as in campaigns of RoboVAST 1.x."""
     edited = [name for name, then in _recorded(layout).items() if _checksum(layout, name) != then]
     if not edited:
         return ""

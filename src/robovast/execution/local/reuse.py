@@ -130,7 +130,7 @@ class _Source:
                 self.refuse("its run.json is missing or damaged", folder)
             return None
         if not record.key:
-            self.refuse("it has no key (an older version or a cluster executed it)", folder)
+            self.refuse("it has no key (RoboVAST 1.x or a cluster executed it)", folder)
         if record.key != key:
             return None
         why = _why_not(record)
