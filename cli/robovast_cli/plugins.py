@@ -1,7 +1,7 @@
 """Commands of other distributions: entry points of `robovast.cli_plugins` and `vast.plugins`.
 
 A plugin is a Click command or group, or a Typer app. Its code is imported when its command is
-used, never for the help of `vast`. What is broken is reported and left out.
+used, never for the help of `vast`. Invalid plugins are reported and skipped.
 """
 
 from __future__ import annotations
@@ -80,13 +80,13 @@ def find_plugins(taken: Iterable[str], report: Callable[[str], None]) -> dict[st
 
     Args:
         taken: names that plugins cannot have.
-        report: receives a line about every plugin that is left out.
+        report: receives a line about every plugin that is skipped.
     """
     found: dict[str, EntryPoint] = {}
     for entry in (entry for group in GROUPS for entry in entry_points(group=group)):
         problem = _problem(entry, found.get(entry.name), taken)
         if problem:
-            report(f"{_whose(entry)} is left out: {problem}")
+            report(f"{_whose(entry)} is skipped: {problem}")
         else:
             found.setdefault(entry.name, entry)
     return {name: PluginCommand(entry) for name, entry in sorted(found.items())}
@@ -99,17 +99,17 @@ def report_on_stderr(line: str) -> None:
 
 def _problem(entry: EntryPoint, other: EntryPoint | None, taken: Iterable[str]) -> str | None:
     if entry.name in taken:
-        return "`vast` has a command of that name itself"
+        return "`vast` has a command of that name"
     if other is not None and other.value != entry.value:
-        return f"{origin(other)} has a plugin of that name, too"
+        return f"{origin(other)} also has a plugin of that name"
     if not EntryPoint.pattern.match(entry.value):
-        return f"`{entry.value}` is no reference to a command, as `package.module:command`"
+        return f"`{entry.value}` is not of the form `package.module:command`"
     try:
         package = entry.module.partition(".")[0]
         if find_spec(package) is None:
-            return f"there is no module `{package}`"
+            return f"the module `{package}` does not exist"
     except (ImportError, ValueError):
-        return f"`{entry.value}` is no reference to a command, as `package.module:command`"
+        return f"`{entry.value}` is not of the form `package.module:command`"
     return None
 
 

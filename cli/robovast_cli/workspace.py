@@ -53,11 +53,11 @@ class Workspace:
         found = sorted(Path().glob("*.vast"))
         if len(found) == 1:
             return found[0]
-        what = "there is no .vast file here" if not found else "there are several .vast files here"
+        what = ("several .vast files" if found else "no .vast file") + " found in this folder"
         names = f" ({', '.join(map(str, found))})" if found else ""
         raise InputError(
-            f"{what}{names}, and no project. Name one with `vast -V FILE …`, or make this folder "
-            "a project with `vast init FILE`."
+            f"{what}{names}. Pass one with `vast -V FILE …`, or create a project with `vast init "
+            "FILE`."
         )
 
     def document(self, *, parse_scenario: bool = True) -> Document:

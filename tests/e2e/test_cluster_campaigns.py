@@ -176,7 +176,7 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
         return lab.vast("exec", "cluster", "logs", "one-3/0", *inside).stderr
 
     # The kubelet tells some seconds late that its pod is prepared.
-    eventually(lambda: "has not come to it yet" in waits())
+    eventually(lambda: "has not started this run yet" in waits())
     executed = lab.vast("exec", "cluster", "runs", "talk", *inside).stdout.splitlines()[1]
     assert re.match(r"one-1/0 and 2 more  running  \d+:", executed), executed
     shell = subprocess.run(
@@ -190,7 +190,7 @@ def test_the_log_of_a_run_is_followed_from_its_start_to_the_end_of_its_part(lab:
     with follower:
         out, err = follower.stdout.read(), follower.stderr.read()
     assert follower.returncode == 0, err
-    assert not err or "one-2/0 waits: " in err, "unless the command began after the pod did"
+    assert not err or "one-2/0 is pending: " in err, "unless the command began after the pod did"
     assert "hello 2" in out
     assert "hello 1" not in out
     assert "hello 3" not in out

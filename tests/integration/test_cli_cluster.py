@@ -219,7 +219,7 @@ def test_commands_that_are_printed_choose_the_cluster_that_was_chosen(
         f"results download -i {name}{given}",
     ]
     assert f"resume -i {name}{given}" in vast("stop", *chosen).out
-    assert f"-i {name}{given}`" in vast("run-cleanup", *chosen).out
+    assert f"-i {name}{given}\n" in vast("run-cleanup", *chosen).out
 
 
 def test_who_is_to_be_told_of_the_end_stands_in_a_secret_of_the_campaign(
@@ -229,7 +229,7 @@ def test_who_is_to_be_told_of_the_end_stands_in_a_secret_of_the_campaign(
     (tmp_path / ".env").write_text("\n".join([*lines, "ROBOVAST_WEBHOOK_URL=https://a.example/b"]))
     outcome = vast("run", "--detach")
     assert outcome.code == 0
-    assert "Told by ntfy and webhook" in outcome.out
+    assert "Notifications by ntfy and webhook" in outcome.out
     (name,) = operator.names()
     spec = json.dumps(operator.spec(name))
     told = operator.spec(name)["notifications"]
@@ -306,7 +306,7 @@ def test_the_share_that_is_configured_gets_the_results_of_a_campaign(
     (tmp_path / ".env").write_text("OWN_TOKEN=hidden\n")
     outcome = vast("run", "--detach")
     assert outcome.code == 0, outcome.err
-    assert "Its results go to the share" in outcome.out
+    assert "Its results are uploaded to the file share" in outcome.out
     (name,) = operator.names()
     wanted = f"robovast-{name}-share"
     assert operator.spec(name)["share"] == {"secretName": wanted}
@@ -334,7 +334,7 @@ def test_a_receiver_that_cannot_be_told_is_refused_before_anything_is_created(
     ("runs", "state", "conditions", "code", "said"),
     [
         ({"passed": 26}, "Finished", [], 0, "26 of 26 done: 26 passed."),
-        ({"passed": 24, "failed": 1, "errored": 1}, "Finished", [], 1, "not passed: sweep-1-1/0"),
+        ({"passed": 24, "failed": 1, "errored": 1}, "Finished", [], 1, "unsuccessful: sweep-1-1/0"),
         ({"passed": 25, "errored": 1}, "Finished", [], 4, "1 errored"),
         (
             {"total": 0},
@@ -384,13 +384,13 @@ def test_ctrl_c_ends_only_the_following(
         text=True,
     )
     assert process.stdout is not None
-    assert "is in the cluster" in process.stdout.readline()
+    assert "was created in the namespace" in process.stdout.readline()
     process.stdout.readline()  # it follows
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=PATIENCE)
     assert (process.returncode, err) == (130, "")
     (name,) = operator.names()
-    assert f"the campaign {name} goes on" in out
+    assert f"The campaign {name} continues" in out
     assert f"vast exec cluster stop -i {name}" in out
 
 
@@ -399,7 +399,7 @@ def test_an_estimate_tells_of_earlier_campaigns_and_creates_nothing(
 ) -> None:
     outcome = vast("run", "--estimate")
     assert outcome.code == 0
-    assert "Nothing is known of its time" in outcome.out + outcome.err
+    assert "No estimate: no campaign of" in outcome.out + outcome.err
     assert operator.names() == []
     for _ in range(3):
         assert vast("run", "--detach", "--parallelism", 13).code == 0
@@ -410,9 +410,9 @@ def test_an_estimate_tells_of_earlier_campaigns_and_creates_nothing(
     outcome = vast("run", "--estimate", "--parallelism", 13)
     said = outcome.out + outcome.err
     assert outcome.code == 0
-    assert "26 runs, at most 13 at once" in said
-    assert "about 10:58, nine of ten times" in said
-    assert "as 3 campaigns before it did" in said
+    assert "26 runs, at most 13 in parallel" in said
+    assert "Estimated duration: 10:58 (90 % interval" in said
+    assert "based on 3 earlier campaigns" in said
     assert len(operator.names()) == 3
 
 
@@ -440,7 +440,7 @@ def test_what_the_api_server_refuses_has_a_line_for_each_field(
     with connect(namespace=namespace) as kube, pytest.raises(InputError) as caught:
         kube.create_campaign(campaign)
     lines = str(caught.value).splitlines()
-    assert lines[0].endswith("refuses the Campaign `bad`:")
+    assert lines[0].endswith("rejected the Campaign `bad`:")
     assert {line.strip().partition(":")[0] for line in lines[1:]} >= {
         "execution.timeout",
         "spec.parallelism",
@@ -457,7 +457,7 @@ def test_who_may_not_is_told_what_is_missing(
     monkeypatch.setenv("KUBECONFIG", str(tmp_path / "poor.kubeconfig"))
     outcome = vast("run", "--detach")
     assert outcome.code == 3
-    assert "does not allow it" in outcome.err
+    assert "denied the request" in outcome.err
     assert 'cannot create resource "campaigns"' in outcome.err
     assert token not in outcome.err
 
@@ -467,7 +467,7 @@ def test_who_may_not_is_told_what_is_missing(
     [
         ("", "system:serviceaccount:default:default"),
         ("test -e asked || token=ended; touch asked;", "system:serviceaccount:default:default"),
-        ("echo your session has ended >&2; exit 1;", "nobody can log in: `sh`"),
+        ("echo your session has ended >&2; exit 1;", "the login program `sh` of the kubeconfig"),
     ],
     ids=["gives it", "gives another one once the first has ended", "fails"],
 )
@@ -504,7 +504,7 @@ def test_an_api_server_that_is_not_there_is_named(
     outcome = vast("monitor", "--once")
     assert outcome.code == 3
     assert "`robovast-testbed` (https://127.0.0.1:1)" in outcome.err
-    assert "cannot be reached: Connection refused" in outcome.err
+    assert ": Connection refused. Check that the cluster is running" in outcome.err
 
 
 def test_a_cluster_without_robovast_says_how_to_install_it(
@@ -536,7 +536,7 @@ def test_monitor_shows_all_campaigns_and_what_hinders_them(vast: Vast, operator:
     finish.join()
     assert f"{first}  Running  6 of 26 done: 5 passed, 1 failed; 2 running" in lines
     assert {f"{name}  Finished  26 of 26 done: 26 passed" for name in (first, second)} <= set(lines)
-    assert "No campaign runs" in vast("monitor").out
+    assert "No campaign is running" in vast("monitor").out
 
 
 def end(operator: Operator, name: str) -> None:
@@ -556,7 +556,7 @@ def test_stop_resume_and_retry_change_what_the_operator_reads(
     assert vast("retry", "-i", name).code == 2
     operator.report(name, state="Finished", runs={"passed": 25, "failed": 1})
     outcome = vast("retry", "-i", name)
-    assert outcome.out == f"{name}: 1 run is executed once more.\n"
+    assert outcome.out == f"{name}: retrying 1 run.\n"
     assert operator.spec(name)["attempt"] == 2
 
 
@@ -565,13 +565,13 @@ def test_a_search_is_given_more_batches(vast: Vast, operator: Operator) -> None:
     (name,) = operator.names()
     refused = vast("resume", "-i", name, "--batches", 3)
     assert refused.code == 2
-    assert "is no campaign that is a search" in refused.err
+    assert "is not a campaign that is a search" in refused.err
     operator.make_search(name)
     operator.report(name, state="Finished", search={"batch": 2})
     refused = vast("resume", "-i", name, "--batches", 2)
     assert refused.code == 2
-    assert "has 2 batches" in refused.err
-    assert vast("resume", "--batches", 3).out == f"{name}: goes on.\n"
+    assert "has 2 batches already" in refused.err
+    assert vast("resume", "--batches", 3).out == f"{name}: resumed.\n"
     search = operator.spec(name)["vast"]["search"]
     assert (search["budget"], search["stopping"]) == ([{"batches": 3}], [])
     assert search["strategy"] == "random"
@@ -582,7 +582,7 @@ def test_run_cleanup_removes_what_is_finished_or_named(vast: Vast, operator: Ope
     first, second = operator.names()
     operator.report(first, state="Finished", runs={"passed": 26}, bucket="b")
     outcome = vast("run-cleanup")
-    assert f"{first}: removed; its results stay in the bucket b." in outcome.out
+    assert f"{first}: deleted; its results remain in the bucket b." in outcome.out
     assert f"run-cleanup -i {second}" in outcome.out
     assert vast("run-cleanup", "-i", second).code == 0
     eventually(lambda: not operator.names())
@@ -697,7 +697,7 @@ def test_a_campaign_that_is_deleted_ends_the_following(
 def test_a_second_context_is_refused(vast: Vast, command: str, contexts: list[str]) -> None:
     outcome = vast(command, *(word for name in contexts for word in ("-x", name)))
     assert outcome.code == 2
-    assert "is given twice, but this command is about one cluster" in outcome.err
+    assert "is given twice, but this command uses one cluster" in outcome.err
 
 
 PACK_LOG = "[robovast] job x\n[robovast] run {0}\nof the first\n[robovast] run {1}\nof the second\n"
@@ -754,7 +754,7 @@ def test_the_log_of_a_stored_run_is_its_part_of_the_packs(vast: Vast, stored: St
     ]
     other = vast("logs", f"{stored.name}-2026", "sweep-1-2/0", "--secondary", "sim", "--tail", 2)
     assert (other.code, other.out.splitlines()) == (0, ["2", "3"])
-    assert "this log does not tell it from the 2 runs of its job" in other.err
+    assert "the log is from a job with 2 runs and cannot be divided" in other.err
     none = vast("logs", "sweep-1-2/0", "--secondary", "radio")
     assert (none.code, none.out) == (2, "")
     assert "logs/system.log, logs/system_sim.log" in none.err
@@ -772,18 +772,18 @@ def test_a_run_without_a_log_says_why_and_one_that_is_none_which_there_are(
     (name,) = operator.names()
     waits = condition("QuotaReserved", "False", "Pending", "the queue `q` is full")
     operator.report(name, state="Queued", conditions=[waits])
-    assert vast("logs", "sweep-1-1/0").err == "sweep-1-1/0 waits: the queue `q` is full.\n"
+    assert vast("logs", "sweep-1-1/0").err == "sweep-1-1/0 is pending: the queue `q` is full.\n"
     known_cluster.apply(plan_config_map(known_cluster, name, namespace))
     operator.report(name, conditions=[])
     outcome = vast("logs", name, "sweep-1-1/0")
     assert (outcome.code, outcome.out) == (0, "")
-    assert "sweep-1-1/0 waits: it has no pod yet (0 of 26 done)." in outcome.err
+    assert "sweep-1-1/0 is pending: the run has no pod yet (0 of 26 done)." in outcome.err
     none = vast("runs", name)
     assert (none.code, none.out.splitlines()) == (
         0,
-        ["No run is executed now, and none has failed.", f"{name}: 0 of 26 done."],
+        ["No running and no unsuccessful runs.", f"{name}: 0 of 26 done."],
     )
-    assert vast("runs", "--failed").out.splitlines()[0] == "No run has failed."
+    assert vast("runs", "--failed").out.splitlines()[0] == "No unsuccessful runs."
     assert vast("runs", "other").code == 2
     unknown = vast("logs", "sweep-9-9/0")
     assert unknown.code == 2
@@ -801,7 +801,7 @@ def test_of_a_campaign_that_is_not_accepted_the_reason_is_told_in_place_of_a_run
     operator.report(name, state="Rejected", conditions=[wrong])
     outcome = vast(command, name, "sweep-1-1/0")
     assert (outcome.code, outcome.out) == (2, "")
-    assert f"{name} was not accepted, so it has no runs: no claim `worlds`" in outcome.err
+    assert f"{name} was rejected, so it has no runs: no claim `worlds`" in outcome.err
     assert "no claim `worlds`" in vast("runs", name).out
 
 
@@ -923,7 +923,7 @@ def test_run_cleanup_with_data_removes_the_bucket_too(
     vast: Vast, stored: Stored, operator: Operator
 ) -> None:
     outcome = vast("run-cleanup", "-i", stored.name, "--data")
-    assert outcome.out == f"{stored.name}: removed.\n"
+    assert outcome.out == f"{stored.name}: deleted.\n"
     assert stored.bucket not in stored.store.buckets()
     assert operator.names() == []
 
@@ -1003,7 +1003,7 @@ def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
     upload = ("upload-to-share", "--image", "agent:1")
     outcome = vast("upload-to-share")
     assert (outcome.code, made()) == (3, [])
-    assert "Name it with `--image`" in outcome.err
+    assert "Set it with `--image`" in outcome.err
 
     known_cluster.kubectl("create", "quota", "none", inside, "--hard=count/secrets=0")
     eventually(lambda: "used" in known_cluster.get("quota", "none", inside)["status"])
@@ -1016,7 +1016,7 @@ def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
     assert (outcome.code, outcome.err) == (0, "")
     assert "logs job/hall-2026-share" in outcome.out
     first = uid()
-    assert "another upload of it is in progress" in vast(*upload, "--detach").out
+    assert "another upload is in progress" in vast(*upload, "--detach").out
     assert uid() == first
     # as a client leaves it that ends before the Secret is there
     known_cluster.kubectl(
@@ -1029,7 +1029,7 @@ def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
     outcome = vast(*upload)
     assert (outcome.code, outcome.out) == (
         0,
-        "hall-2026: is on the share; `--force` replaces it.\n",
+        "hall-2026: exists on the file share; `--force` replaces it.\n",
     )
     monkeypatch.setenv("ROBOVAST_WEBDAV_PASSWORD", "wrong-one")
     outcome = vast(*upload, "--force")
@@ -1057,7 +1057,7 @@ def test_a_failed_upload_says_what_its_pod_said(
     def fail() -> None:
         eventually(lambda: bool(known_cluster.get("pods", inside)["items"]))
         shown: Any = sys.stdout
-        eventually(lambda: "its pod waits: " in shown.getvalue(), told="the client is silent")
+        eventually(lambda: "its pod is pending: " in shown.getvalue(), told="the client is silent")
         (pod,) = known_cluster.get("pods", inside)["items"]
         known_cluster.kubectl(
             *("patch", f"pod/{pod['metadata']['name']}", inside, "--subresource=status"),
@@ -1069,7 +1069,7 @@ def test_a_failed_upload_says_what_its_pod_said(
     outcome = vast("upload-to-share", "--image", "agent:1")
     thread.join()
     assert outcome.code == 2
-    assert "hall-2026: its pod waits: " in outcome.out
+    assert "hall-2026: its pod is pending: " in outcome.out
     assert "hall-2026 was not uploaded: the share is full\n    Its log: kubectl" in outcome.err
 
 
@@ -1082,7 +1082,7 @@ def test_an_unfinished_campaign_is_not_uploaded(
     operator.report(running, runs={"passed": 3})
     outcome = vast("upload-to-share", "--image", "agent:1", "-i", running)
     assert outcome.code == 2
-    assert f"{running}: is not finished; its state is Running" in outcome.err
+    assert f"{running} is not finished; its state is Running" in outcome.err
     outcome = vast("upload-to-share", "--image", "agent:1", "--detach")
-    assert f"{running}: is not finished, and not uploaded." in outcome.out
-    assert "hall-2026: is being uploaded" in outcome.out
+    assert f"{running}: skipped, because it is not finished." in outcome.out
+    assert "hall-2026: upload started" in outcome.out

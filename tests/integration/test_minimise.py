@@ -117,7 +117,7 @@ def test_a_budget_ends_it_and_more_goes_on(tmp_path: Path) -> None:
     failing = campaign(tmp_path / "in") / "hall-2" / "0"
     code, said = minimise(failing, "--budget", "4")
     assert (code, record(failing)["end"]) == (0, "budget")
-    assert "The budget is used up; there may be milder ones. Continue: vast minimise" in said
+    assert "The budget is used up; less extreme values may exist. Continue: vast minimise" in said
     (folder,) = (failing.parents[2] / "minimised").iterdir()
     steps = folder / "_transient/configurations.yaml"
     text = steps.read_text()
@@ -152,7 +152,7 @@ def test_what_cannot_be_minimised_is_one_message(tmp_path: Path) -> None:
     for words, said in (
         ([sound / "hall-1" / "0"], "hall-1/0: passed; there is no failure to minimise."),
         ([sound / "hall-2" / "9"], "hall-2/9: there is no such folder. Name the folder of a run"),
-        ([failing, "--good", "0.5", "--bad", "0.2"], "--good 0.5 --bad 0.2: must be shares"),
+        ([failing, "--good", "0.5", "--bad", "0.2"], "--good must be less than --bad"),
         ([failing, "--resume", sound], "`--resume` takes the folder that `vast minimise`"),
         ([failing, "--out", sound / "inside"], "which a replay leaves as it is"),
     ):

@@ -289,7 +289,7 @@ def test_where_nothing_can_be_started_the_page_says_why(tmp_path: Path) -> None:
         offer = page.get("api/offer").data
         assert offer["document"] is None
         assert offer["repeat"]
-        assert "there is no .vast file here" in offer["refusal"]
+        assert "no .vast file found in this folder" in offer["refusal"]
         for what in ("start", "expansion"):
             assert page.post(f"api/{what}").data == {"error": offer["refusal"]}
 

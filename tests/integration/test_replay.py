@@ -77,7 +77,7 @@ def test_the_document_says_what_is_compared_and_an_option_replaces_it(tmp_path: 
     extra = SEED + "  compare: [other.csv]\n"
     folder = executed(tmp_path, FLAKY, extra)
     code, said = replay(folder)
-    assert (code, said.count("no output was compared, since none matches")) == (0, 1)
+    assert (code, said.count("no output was compared because none matches")) == (0, 1)
     code, said = replay(folder, "--compare", "out.csv")
     assert (code, said.count("out.csv differs in row 2, column 1: ")) == (1, 1)
 
@@ -85,16 +85,20 @@ def test_the_document_says_what_is_compared_and_an_option_replaces_it(tmp_path: 
 def test_a_harness_that_gives_one_seed_several_results_is_flaky(tmp_path: Path) -> None:
     code, said = replay(executed(tmp_path, FLAKY, runs=2), "--times", "3")
     assert code == 1
-    assert "0 of 3 replays had its result." in said
-    assert "Flaky: one seed gives several results" in said
+    assert "0 of 3 re-runs have the same result." in said
+    assert "Nondeterministic: the same seed gives different results" in said
     assert "hancy" not in said
 
 
 def test_a_robot_that_fails_with_some_seeds_is_chancy(tmp_path: Path) -> None:
     code, said = replay(executed(tmp_path, CHANCY, runs=5), "--times", "2")
     assert code == 0
-    assert "2 of 2 replays had its result.\nNot flaky: the same seed gives the same" in said
-    assert "Chancy: it depends on the seed how it ends (runs of one-1 with other seeds: " in said
+    assert (
+        "2 of 2 re-runs have the same result.\nDeterministic: the same seed gives the same" in said
+    )
+    assert (
+        "Seed-dependent: the verdict depends on the seed (runs of one-1 with other seeds: " in said
+    )
 
 
 def test_what_has_changed_since_is_not_flaky(tmp_path: Path) -> None:
@@ -103,7 +107,7 @@ def test_what_has_changed_since_is_not_flaky(tmp_path: Path) -> None:
     code, said = replay(folder, "--times", "2")
     assert code == 1
     assert said.count(" instead of passed") == 2
-    assert "but another than then: look for what has changed since." in said
+    assert "but not that of the stored run. Check what has changed." in said
 
 
 def test_a_run_without_a_recorded_seed_says_so(tmp_path: Path) -> None:
@@ -115,7 +119,7 @@ def test_a_run_without_a_recorded_seed_says_so(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
     assert "No seed was recorded: what differs may differ by chance." in done.stdout
-    assert "one-1/0 (no seed): 0 of 2 replays had its result." in done.stdout
+    assert "one-1/0 (no seed): 0 of 2 re-runs have the same result." in done.stdout
     assert "laky" not in done.stdout
 
 
@@ -185,7 +189,7 @@ def test_what_cannot_be_compared_is_refused_before_anything_runs(
     tmp_path: Path, pattern: str
 ) -> None:
     code, said = replay(executed(tmp_path, NOISY), "--compare", pattern)
-    assert (code, said.count("must be a glob pattern of files in the run's folder")) == (2, 1)
+    assert (code, said.count("must be a glob pattern of files in the run folder")) == (2, 1)
     assert not (tmp_path / "replays").exists()
 
 

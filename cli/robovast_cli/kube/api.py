@@ -306,8 +306,8 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         namespace = namespace or (SERVICE_ACCOUNT / "namespace").read_text(encoding="utf-8")
     except Exception as error:
         raise CannotRunError(
-            f"{_where(context, '')}: nobody can log in: {_why_no_login(error)}. `kubectl config "
-            "get-contexts` shows the contexts of your kubeconfig ($KUBECONFIG, else "
+            f"cannot log in to {_where(context, '')}: {_why_no_login(error)}. `kubectl config "
+            "get-contexts` lists the contexts of your kubeconfig ($KUBECONFIG, else "
             "~/.kube/config)."
         ) from error
     with start_blocking_portal() as portal:
@@ -325,16 +325,18 @@ def _login(server: Any, context: str | None) -> None:
         try:
             config.load_incluster_config(client_configuration=server)
         except config.ConfigException as error:
-            cause = "no kubeconfig has a current context, and this is no pod"
+            cause = "no kubeconfig has a current context, and this is not a pod"
             raise CannotRunError(cause) from error
         return
     # Not the loader of kubernetes.aio: that one does not renew tokens, nor keep renewed ones.
     program = login_program(context)
     if program and os.sep not in program and shutil.which(program) is None:
-        raise CannotRunError(f"`{program}`, which the kubeconfig names for it, is not here")
+        raise CannotRunError(f"the login program `{program}` of the kubeconfig is not installed")
     config.load_kube_config(files(), context, client_configuration=server)
     if program and not (server.api_key or server.cert_file):
-        raise CannotRunError(f"`{program}`, which the kubeconfig names, gives no key")
+        raise CannotRunError(
+            f"the login program `{program}` of the kubeconfig returned no credentials"
+        )
     if server.proxy:
         server.client_session_kwargs = {"proxy": server.proxy}  # for port forwarding, too
 
@@ -354,7 +356,7 @@ def _with(labels: Mapping[str, str]) -> dict[str, str]:
 
 def _why_no_login(error: Exception) -> str:
     if isinstance(error, binascii.Error):
-        return "a certificate, key or token in the kubeconfig is damaged (no base64)"
+        return "a certificate, key or token in the kubeconfig is not valid base64"
     if isinstance(error, OSError):
         return f"{error.filename} cannot be read: {error.strerror}"
     return str(error).rstrip(".") or type(error).__name__

@@ -37,15 +37,15 @@ def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
         return InputError(_invalid(status, message, where))
     if code == 401:
         return CannotRunError(
-            f"{where} does not accept your credentials. Log in again, or choose another context "
+            f"{where} does not accept your credentials. Log in again, or select another context "
             "with `--context`."
         )
     if code == 403:
-        return CannotRunError(f"{where} does not allow it: {message}. {_remedy(message)}")
+        return CannotRunError(f"{where} denied the request: {message}. {_remedy(message)}")
     if code == 404 and not status.get("details", {}).get("name"):
         return NotInstalledError(
-            f"RoboVAST is not installed in this cluster ({where}): it knows no Campaigns. Install "
-            "it with `vast exec cluster setup CLUSTER_CONFIG`; `--list` shows the cluster "
+            f"RoboVAST is not installed in this cluster ({where}): the CRDs are missing. Install "
+            "it with `vast exec cluster setup CLUSTER_CONFIG`; `--list` lists the cluster "
             "configurations."
         )
     if code == 429 or code >= 500:
@@ -57,21 +57,21 @@ def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
 def unreachable(cause: str, where: str) -> RobovastError:
     """The error when the API server does not answer."""
     return UnreachableError(
-        f"{where} cannot be reached: {cause}. Does the cluster run, and is it the right context? "
-        "`kubectl config get-contexts` shows all; `--context` chooses one."
+        f"cannot connect to {where}: {cause}. Check that the cluster is running and that the "
+        "context is correct. `kubectl config get-contexts` lists all; `--context` selects one."
     )
 
 
 def _remedy(message: str) -> str:
-    """What helps when the API server forbids something: rights are not all that may be missing."""
+    """Return the remedy for a denied request: permissions or quota may be missing."""
     if "exceeded quota" in message:
         return (
-            "Remove what is no longer needed (`vast exec cluster run-cleanup` removes finished "
-            "campaigns), or let whoever administers the cluster raise that quota."
+            "Delete unused objects (`vast exec cluster run-cleanup` deletes finished campaigns), "
+            "or ask your cluster administrator to raise the quota."
         )
     return (
-        "Whoever administers the cluster can grant it with a RoleBinding in this namespace; "
-        "`--namespace` chooses another one."
+        "Ask your cluster administrator for a RoleBinding in this namespace, or select another "
+        "one with `--namespace`."
     )
 
 
@@ -80,10 +80,10 @@ def _invalid(status: Mapping[str, Any], message: str, where: str) -> str:
     details = status.get("details") or {}
     causes = details.get("causes") or []
     if not causes:
-        return f"{where} refuses it: {message}."
+        return f"{where} rejected the request: {message}."
     lines = dict.fromkeys(_cause(cause) for cause in causes)
     name = f"the {details.get('kind', 'object')} `{details.get('name', '')}`"
-    return "\n".join([f"{where} refuses {name}:", *(f"    {line}" for line in lines)])
+    return "\n".join([f"{where} rejected {name}:", *(f"    {line}" for line in lines)])
 
 
 def _cause(cause: Mapping[str, Any]) -> str:

@@ -34,16 +34,14 @@ def choose(context: str | None, namespace: str | None) -> tuple[str | None, str 
         CannotRunError: there is no such context.
     """
     if namespace and not re.fullmatch(DNS_LABEL, namespace):
-        raise InputError(
-            f"`{namespace}` is no name of a namespace: it has small letters, digits and `-` only."
-        )
+        raise InputError(f"`{namespace}` is not a valid namespace name: use only a-z, 0-9 and `-`.")
     told = (file.get("current-context") for file in _all())
     chosen = context or next(filter(None, told), None)
     found = _entry("context", chosen)
     if found is None and chosen:
         known = (item.get("name") for file in _all() for item in file.get("contexts") or ())
         raise CannotRunError(
-            f"there is no context `{chosen}` in your kubeconfig ($KUBECONFIG, else "
+            f"the context `{chosen}` does not exist in your kubeconfig ($KUBECONFIG, else "
             f"~/.kube/config); it has {', '.join(map(str, known)) or 'none'}."
         )
     if found is None:
@@ -75,5 +73,5 @@ def _all() -> list[dict[str, Any]]:
 def _read(path: Path) -> dict[str, Any]:
     data = (path.exists() and Source.read(path).data) or {}
     if not isinstance(data, dict):
-        raise InputError(f"{path} is no kubeconfig: it holds no mapping.")
+        raise InputError(f"{path} is not a valid kubeconfig: it contains no mapping.")
     return data

@@ -61,8 +61,8 @@ class PlannedRuns:
             return self.plan.id_of(self.names.index(variant), number)
         except (ValueError, IndexError):
             raise InputError(
-                f"the campaign has no run `{run}`; it has {self.plan.total}, each by the name of "
-                f"its folder, from {self.path_of(0)} to {self.path_of(self.plan.total - 1)}."
+                f"the campaign has no run `{run}`; it has {self.plan.total} runs, from "
+                f"{self.path_of(0)} to {self.path_of(self.plan.total - 1)}."
             ) from None
 
     def path_of(self, id_: int) -> str:
@@ -129,9 +129,9 @@ def _expanded(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list
     try:
         check_paths(files)
         if not all_pure(parse_yaml(text)):
-            raise ValueError("its variations need plugins, and are not made here")
+            raise ValueError("its variations require plugins")
     except ValueError as error:
-        raise InputError(f"the plan of the campaign makes no sense: {error}.") from error
+        raise InputError(f"the plan of the campaign is invalid: {error}.") from error
     for path, content in {**files, plan.document: text.encode()}.items():
         target = folder / "inputs" / path
         target.parent.mkdir(parents=True, exist_ok=True)

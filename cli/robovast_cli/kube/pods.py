@@ -1,4 +1,4 @@
-"""What the pod of a run says of itself. Pure functions."""
+"""Read the state of a run from its pod. Pure functions."""
 
 from __future__ import annotations
 
@@ -65,26 +65,26 @@ def running_since(pod: Json, container: str) -> str:
 def _reasons(pod: Json) -> Iterator[str]:
     for condition in (pod.get("status") or {}).get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
-            yield f"has no node: {condition.get('message') or condition.get('reason')}"
+            yield f"is not scheduled: {condition.get('message') or condition.get('reason')}"
     for container in _statuses(pod):
         state = container.get("state") or {}
         waiting = state.get("waiting") or {}
         if waiting.get("message"):
             told = f"{waiting.get('reason')}: {waiting['message']}"
-            yield f"waits for its container {container['name']}: {told}"
+            yield f"waits for container {container['name']}: {told}"
         if "terminated" in state and not _has_ended(state):
             told = state["terminated"].get("message", "")
-            yield f"cannot start its container {container['name']}: {told}"
+            yield f"cannot start container {container['name']}: {told}"
     for container in _statuses(pod):
         running = "running" in (container.get("state") or {})
         if running and container["name"] in ("compat-version", FETCH, AGENT):
-            yield f"is being prepared by its container {container['name']}"
+            yield f"is being prepared by container {container['name']}"
     spec = (pod.get("spec") or {}).get("initContainers") or ()
     sidecars = {c["name"] for c in spec if c.get("restartPolicy") == "Always"}
     for container in (pod.get("status") or {}).get("initContainerStatuses") or ():
         ready = container["name"] in sidecars and container.get("started")
         if "running" in (container.get("state") or {}) and not ready:
-            yield f"waits for its container {container['name']}"
+            yield f"waits for container {container['name']}"
 
 
 def _statuses(pod: Json) -> Iterator[Json]:

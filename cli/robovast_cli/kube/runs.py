@@ -96,7 +96,7 @@ class CampaignRuns:
         campaign = self.campaign
         if campaign is not None and campaign.rejected and self.planned is None:
             why = "; ".join(campaign.messages)
-            raise InputError(f"{campaign.name} was not accepted, so it has no runs: {why}")
+            raise InputError(f"{campaign.name} was rejected, so it has no runs: {why}")
 
     def executor(self, run: str) -> Executor | None:
         """The pod that is there for a run; None when there is none.
@@ -168,7 +168,7 @@ class CampaignRuns:
             yield from zip(bad, readers.map(self.record, bad), strict=True)
 
     def runs_of_job(self, job: str) -> int:
-        """How many runs a job was begun for; 1 when nobody knows."""
+        """How many runs a job was begun for; 1 if unknown."""
         found = self._store.read(self._bucket, parameters_key(job)) or b""
         return found.count(b"_output_dir:") or 1
 
@@ -183,7 +183,7 @@ class CampaignRuns:
         there = {o.key: o for o in self._store.objects(self._bucket, f"{prefix}{LOGS}/")}
         if prefix + path not in there:
             names = ", ".join(key.removeprefix(prefix) for key in there) or "none"
-            raise InputError(f"{job} has no stored log `{path}`; of its logs there are: {names}.")
+            raise InputError(f"{job} has no stored log `{path}`; its stored logs: {names}.")
         with TemporaryDirectory() as folder:
             target = Path(folder) / "log"
             self._store.get_file(self._bucket, there[prefix + path], target)
@@ -191,7 +191,7 @@ class CampaignRuns:
 
 
 def _refuse_no_folder(run: str) -> None:
-    """Refuse what no run can be called, where nobody knows which runs there are.
+    """Reject an invalid name of a run if the runs are unknown.
 
     Raises:
         InputError: it is no folder of a run.
@@ -200,5 +200,5 @@ def _refuse_no_folder(run: str) -> None:
         split_run(run)
     except ValueError:
         raise InputError(
-            f"`{run}` is no run: each has the name of its folder, as `hall-1/0`."
+            f"`{run}` is not a valid run. Name its folder, for example `hall-1/0`."
         ) from None

@@ -220,10 +220,10 @@ class CampaignState:
             yield f"{self.counts()}."
             return
         for path in self.status.failing:
-            yield f"not passed: {path}"
+            yield f"unsuccessful: {path}"
         more = runs.failed + runs.errored - len(self.status.failing)
         if self.status.failing and more > 0:
-            yield f"… and {more} more that did not pass."
+            yield f"… and {more} more unsuccessful runs."
         if self.status.decisions:
             yield f"{printable(self.status.decisions)}."
         if runs.total:
@@ -251,7 +251,7 @@ def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
     exact = [c for c in found if c.name == name] or found
     if len(exact) > 1:
         names = ", ".join(campaign.name for campaign in exact)
-        raise InputError(f"several campaigns have results called {name}; name one of {names}.")
+        raise InputError(f"several campaigns have results named {name}. Name one of them: {names}.")
     return exact[0] if exact else None
 
 

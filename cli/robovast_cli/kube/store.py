@@ -111,8 +111,8 @@ def _keys(kube: Kubernetes, secret: str) -> tuple[str, str]:
         access, hidden = (_decoded(data[key]) for key in ("accessKey", "secretKey"))
     except KeyError:
         raise CannotRunError(
-            f"there is no Secret `{secret}` with the keys `accessKey` and `secretKey` in the "
-            f"namespace {kube.namespace}, so nothing opens its S3 server. {remedy}"
+            f"cannot access the S3 server: the namespace {kube.namespace} has no Secret "
+            f"`{secret}` with the keys `accessKey` and `secretKey`. {remedy}"
         ) from None
     return access, hidden
 
@@ -131,7 +131,7 @@ def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
     """
     if not endpoint:
         raise StorageError(
-            f"it is not known where the S3 server of this cluster is: set {ENDPOINT}, as "
+            f"the address of the cluster's S3 server is unknown. Set {ENDPOINT}, for example "
             "`https://s3.example.org`."
         )
     service = cluster_service(endpoint)
@@ -142,8 +142,8 @@ def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
     found = kube.service(name, namespace)
     if found is None:
         raise CannotRunError(
-            f"there is no Service `{name}` in the namespace {namespace}: is RoboVAST's embedded "
-            "storage installed? `vast exec cluster setup` installs it."
+            f"the Service `{name}` does not exist in the namespace {namespace}. `vast exec cluster "
+            "setup` installs RoboVAST's embedded storage."
         )
     targets = {item["port"]: item.get("targetPort") for item in found["spec"]["ports"]}
     with _forward(kube, found, targets.get(port) or port) as local:
@@ -158,7 +158,7 @@ def _forward(kube: Kubernetes, service: Json, target: int | str) -> Iterator[int
         except CannotRunError as error:
             name, namespace = (service["metadata"][key] for key in ("name", "namespace"))
             raise CannotRunError(
-                f"the S3 server cannot be reached through the Service `{name}` in the namespace "
-                f"{namespace}: {error}. Look at `kubectl --namespace {namespace} get pods`."
+                f"cannot connect to the S3 server through the Service `{name}` in the namespace "
+                f"{namespace}: {error}. Check `kubectl --namespace {namespace} get pods`."
             ) from error
         yield port

@@ -35,8 +35,8 @@ MOST_LISTED = 20
 """Causes that the summary names at most."""
 _LACKS = "No module named"
 _NAME_ANOTHER = (
-    f"Name an environment that has more in {VARIABLE}, in each terminal; "
-    f"for examples with ROS: export {VARIABLE}=$(scripts/ros-environment)"
+    f"In each terminal, set {VARIABLE} to an environment with this module, "
+    f"for example for ROS: export {VARIABLE}=$(scripts/ros-environment)"
 )
 
 
@@ -46,7 +46,7 @@ def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
 
 
 def refuse_document(out: Path | None) -> None:
-    """Refuse a document where the folder for results is meant.
+    """Reject a .vast file in place of the results folder.
 
     Raises:
         InputError: its name ends with `.vast`, and it is no folder.
@@ -55,12 +55,12 @@ def refuse_document(out: Path | None) -> None:
         return
     if os.path.exists(out):
         raise InputError(
-            f"`{out}` is a document, and OUT is the folder for results. `vast --vast-file {out} "
-            "exec local run` runs it."
+            f"`{out}` is a .vast file, but OUT is the results folder. Run the file with `vast "
+            f"--vast-file {out} exec local run`."
         )
     raise InputError(
-        f"`{out}` does not exist. A document is named by `--vast-file`; OUT is the folder for "
-        "results, whose name must not end with `.vast`."
+        f"`{out}` does not exist. Pass a .vast file with `--vast-file`. OUT is the results "
+        "folder, whose name must not end with `.vast`."
     )
 
 
@@ -74,19 +74,19 @@ def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
     entries = [entry.name for entry in document.vast.configuration or ()]
     if os.path.lexists(out) or not _looks_like_configuration(str(out), entries):
         return options
-    folder = f"`--output '{out}'` makes a folder of that name."
+    folder = f"`--output '{out}'` creates a folder of this name."
     with expanded(document) as variants:
         try:
             number = len(select_variants(variants, str(out)))
         except InputError as error:
-            raise InputError(f"{error} OUT is the folder for results: {folder}") from None
+            raise InputError(f"{error} OUT is the results folder; {folder}") from None
     kind = "a configuration" if number == 1 else f"the name of {number} configurations"
     if not sys.stdin.isatty():
         raise InputError(
-            f"`{out}` is {kind}, and OUT is the folder for results. `--config '{out}'` runs "
-            f"nothing else, {folder}"
+            f"`{out}` is {kind}, but OUT is the results folder. `--config '{out}'` runs only this "
+            f"selection; {folder}"
         )
-    question = f"`{out}` is {kind}. Run nothing else (no: results go into a folder {out})?"
+    question = f"`{out}` is {kind}. Run only this selection (no: create the folder {out})?"
     return replace(options, select=str(out)) if asked(question, default=True) else options
 
 
@@ -161,10 +161,10 @@ def _causes(summary: Summary) -> Iterator[str]:
 
 
 def _lacking(summary: Summary) -> Iterator[str]:
-    """How plain processes get a module of Python that one of them lacks."""
+    """Yield the remedy if a local process lacks a Python module."""
     for record in summary.records:
         if record.runtime == "process" and _LACKS in record.reason:
-            yield f"Plain processes have the modules of {record.image} alone. {_NAME_ANOTHER}"
+            yield f"Local processes have only the modules of {record.image}. {_NAME_ANOTHER}"
             yield ""
             return
 

@@ -92,7 +92,7 @@ class LocalView:
         self.total, self.done_before = total, done
         self._started = self._clock()
         noun = "run" if total == 1 else "runs"
-        before = f", {done} of them finished before" if done else ""
+        before = f", {done} already finished" if done else ""
         runs = f"{total} {noun}{before}, " if total else ""
         self.message(f"{runs}{how}, into {shown(campaign)}")
 

@@ -1,4 +1,4 @@
-"""Minimising a run in front of a user: each step, and what is left."""
+"""Reduce a failed run in front of a user: print the steps and the result."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def minimised(
     rates: tuple[float, float],
     **options: Any,
 ) -> ExitCode:
-    """Minimise a run, or continue that; say what is left, and return the exit code."""
+    """Reduce a failed run, or resume that; print the result and return the exit code."""
     test, chosen = _test(*rates), LocalOptions(**options)
     run = find_run(folder)
     with view() as shows:
@@ -56,7 +56,8 @@ def minimised(
 def _test(good: float, bad: float) -> SequentialTest:
     if not 0 < good < bad < 1:
         raise InputError(
-            f"--good {good:g} --bad {bad:g}: must be shares between 0 and 1, the first one less."
+            "--good must be less than --bad, and both must be between 0 and 1 (got "
+            f"{good:g} and {bad:g})."
         )
     test = SequentialTest(good, bad, ERROR)
     return SequentialTest(good, bad, ERROR, most=max(MOST, 2 * test.shortest(False)))
@@ -66,21 +67,23 @@ def _lines(found: Minimised, folder: Path, budget: int) -> Iterator[str]:
     yield ""
     best, run = found.best, found.request.run.partition("/")[2]
     if best is None:
-        yield f"{run}: it is not decided yet whether it fails again."
+        yield f"{run}: inconclusive whether it fails again."
     elif best.changes:
         runs = f"{best.judged.failed} of {best.judged.runs} runs"
         interval = interval_text(anytime(best.judged.failed, best.judged.runs))
         yield f"{run} still fails, in {runs} (95 % interval {interval}): {best.judged.reason}"
-        yield format_table(["PARAMETER", "NOW", "WAS", "MILDEST TRIED"], _rows(found)).rstrip()
+        yield format_table(
+            ["PARAMETER", "NOW", "WAS", "LEAST EXTREME TRIED"], _rows(found)
+        ).rstrip()
     else:
-        yield f"{run}: nothing milder was found that fails."
+        yield f"{run}: no less extreme values were found that fail."
     if found.end is not End.MINIMAL:
         ended = "Interrupted" if found.end is End.INTERRUPTED else "The budget is used up"
         more = [] if found.end is End.INTERRUPTED else [f"--budget={2 * budget}"]
         words = ["minimise", str(folder), f"--resume={shown(found.campaign)}", *more]
-        yield f"{ended}; there may be milder ones. Continue: {as_shell(words)}"
+        yield f"{ended}; less extreme values may exist. Continue: {as_shell(words)}"
     if best is not None:
-        yield f"Run it: {as_shell(['replay', str(shown(found.campaign / best.example))])}"
+        yield f"Reproduce: {as_shell(['replay', str(shown(found.campaign / best.example))])}"
     yield f"Steps: {shown(found.campaign / 'minimise.json')}"
 
 

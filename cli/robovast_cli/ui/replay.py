@@ -1,4 +1,4 @@
-"""Replaying a run in front of a user: what is executed, and how it compares."""
+"""Re-run a run in front of a user and print the comparison."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_LISTED = 10
 def replayed(
     folder: Path, output: Path, times: int, patterns: list[str] | None, **options: Any
 ) -> ExitCode:
-    """Replay a run, say how it went, and return the exit code."""
+    """Re-run a run, print the comparison, and return the exit code."""
     run = find_run(folder)
     document = load_document(run.layout.config / str(run.configurations["vast"]))
     compared: Sequence[Output] | None = document.vast.execution.compare
@@ -40,7 +40,7 @@ def replayed(
     with view() as shows:
         summary = replay_run(run, output, times, LocalOptions(**options), shows)
     if summary.interrupted:
-        say(f"Interrupted. What was replayed: {shown(summary.campaign)}")
+        say(f"Interrupted. Finished re-runs: {shown(summary.campaign)}")
         return ExitCode.INTERRUPTED
     replays = [summary.campaign / run.variant.name / str(r.run) for r in summary.records]
     report = report_replays(run.folder, replays, compared)
@@ -59,7 +59,7 @@ def _lines(report: ReplayReport) -> Iterator[str]:
         yield from _one(report, f"{report.run} ({seed})")
         return
     same = sum(replay.is_as_before for replay in report.replays)
-    yield f"{report.run} ({seed}): {same} of {len(report.replays)} replays had its result."
+    yield f"{report.run} ({seed}): {same} of {len(report.replays)} re-runs have the same result."
     others = [replay for replay in report.replays if not replay.is_as_before]
     for replay in others[:MOST_LISTED]:
         yield f"  {shown(replay.folder)}: {_verdicts(report, replay)}"
@@ -73,7 +73,7 @@ def _one(report: ReplayReport, run: str) -> Iterator[str]:
     (replay,) = report.replays
     same = f", same {', '.join(replay.outputs.same)}" if replay.outputs.same else ""
     if replay.is_as_before:
-        nothing = "" if same else "; no output was compared, since none matches"
+        nothing = "" if same else "; no output was compared because none matches"
         yield f"{run}: same verdict ({report.verdict}){same}{nothing}."
         return
     yield f"{run} differs: {_verdicts(report, replay)}{same}."
@@ -96,18 +96,21 @@ def _differences(replay: Replayed) -> Iterator[str]:
 
 def _told(report: ReplayReport) -> Iterator[str]:
     if report.flaky:
-        yield "Flaky: one seed gives several results; not the robot, but what executes it does so."
+        yield (
+            "Nondeterministic: the same seed gives different results. The cause is the simulator "
+            "or the test setup, not the robot."
+        )
     elif report.flaky is False:
-        yield "Not flaky: the same seed gives the same result each time" + (
-            ", but another than then: look for what has changed since." if report.differs else "."
+        yield "Deterministic: the same seed gives the same result each time" + (
+            ", but not that of the stored run. Check what has changed." if report.differs else "."
         )
     variant = report.run.partition("/")[0]
     counts = ", ".join(f"{count} {verdict}" for verdict, count in report.other_seeds.items())
     others = f"runs of {variant} with other seeds: {counts}"
     if report.chancy:
-        yield f"Chancy: it depends on the seed how it ends ({others})."
+        yield f"Seed-dependent: the verdict depends on the seed ({others})."
     elif report.chancy is False:
-        yield f"Not chancy so far: other seeds give the same verdict ({others})."
+        yield f"Not seed-dependent so far: other seeds give the same verdict ({others})."
 
 
 def _output(pattern: str) -> Output:
@@ -115,6 +118,6 @@ def _output(pattern: str) -> Output:
         return Output(pattern=pattern)
     except ValidationError:
         raise InputError(
-            f"--compare {pattern!a}: must be a glob pattern of files in the run's folder, as "
-            "`out/*.csv`, or of bags with a topic, as `*.mcap:/odom`."
+            f"--compare {pattern!a}: must be a glob pattern of files in the run folder, such as "
+            "`out/*.csv`, or of bags with a topic, such as `*.mcap:/odom`."
         ) from None

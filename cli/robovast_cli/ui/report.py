@@ -54,7 +54,7 @@ def errors_reported() -> Iterator[None]:
             tell(f"error: {sentence(error)}")
             raise typer.Exit(ExitCode.STORAGE) from None
         cause = f"{type(error).__name__}: {error}".rstrip(": ").replace("\n", " ")
-        tell(f"error: a bug in RoboVAST: {cause} (`vast -l debug …` shows where)")
+        tell(f"error: a bug in RoboVAST: {cause} (`vast -l debug …` shows the traceback)")
         raise typer.Exit(ExitCode.INTERNAL) from None
 
 
@@ -65,7 +65,7 @@ def silence_stdout() -> None:
 
 
 def message_of(error: RobovastError) -> str:
-    """What the user reads of an error."""
+    """Return the message of an error for the user."""
     if not isinstance(error, DocumentError):
         return f"error: {error}"
     count = len(error.problems)

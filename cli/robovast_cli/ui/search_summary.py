@@ -18,14 +18,14 @@ def search_lines(summary: SearchSummary) -> Iterator[str]:
         yield f"The search ended: {summary.stop.reason}."
     if summary.errors:
         yield (
-            f"{len(summary.errors)} of {summary.sets} sets were left out, because their runs could "
-            f"not be scored; the last: {summary.errors[-1]}"
+            f"{len(summary.errors)} of {summary.sets} parameter sets were skipped because their "
+            f"runs could not be scored; the last: {summary.errors[-1]}"
         )
     if any(error != NO_VERDICT for error in summary.errors):
         seed = recorded_seed(Layout(summary.campaign))
         yield (
-            "A corrected extractor scores the stored runs in a new search: "
-            f"`seed: {seed}` in `execution`, and `--reuse`."
+            "To score the stored runs with a corrected extractor, start a new search with "
+            f"`seed: {seed}` in `execution` and with `--reuse`."
         )
     best = summary.report.best if summary.report else None
     if best is not None:

@@ -14,8 +14,8 @@ import typer
 from robovast.base.paths import normalized
 
 _TOO_MANY = "Got unexpected extra argument"
-_VAST_FILE = ". The .vast file stands before the command: `vast -V FILE …`."
-_SEVERAL_FILES = ". If a `*` on the command line stands for several files or folders, name one."
+_VAST_FILE = ". Pass the .vast file before the command: `vast -V FILE …`."
+_SEVERAL_FILES = ". If a `*` on the command line matches several files or folders, name one."
 _KINDS = {"int": "N", "float": "NUMBER", "str": "TEXT"}
 """Names of types in the help."""
 _EXTRA = re.compile(r"  \[(?:default: ([^];]*))?(?:; )?([^]]*)\]$")
@@ -81,7 +81,7 @@ def _normalized(_ctx: object, _param: object, value: Any) -> Any:
 
 
 def refuse_contexts(command: Any) -> Any:
-    """The command, which refuses a second `--context`: a command is about one cluster."""
+    """Return the command, which rejects a second `--context`, since it uses one cluster."""
     for param in command.params:
         if param.name == "context":
             command.parse_args = _single(command, param)
@@ -97,8 +97,8 @@ def _single(command: Any, param: Any) -> Any:
         _, _, order = command.make_parser(ctx).parse_args(list(args))
         if order.count(param) > 1:
             raise typer.BadParameter(
-                "is given twice, but this command is about one cluster: name one, and repeat the "
-                "command for each other.",
+                "is given twice, but this command uses one cluster. Name one, and run the command "
+                "again for each other cluster.",
                 ctx=ctx,
                 param=param,
             )

@@ -200,8 +200,8 @@ def test_a_glob_that_matches_nothing_names_what_there_is(vast, sweep: Path) -> N
 @pytest.mark.parametrize(
     ("files", "message"),
     [
-        ([], "there is no .vast file here, and no project."),
-        (["a", "b"], "there are several .vast files here (a.vast, b.vast), and no project."),
+        ([], "no .vast file found in this folder."),
+        (["a", "b"], "several .vast files found in this folder (a.vast, b.vast)."),
     ],
 )
 def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], message: str) -> None:
@@ -210,8 +210,8 @@ def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], messa
     outcome = vast("config", "list")
     assert outcome.code == 2
     assert outcome.err == (
-        f"error: {message} Name one with `vast -V FILE …`, or make this folder a project with "
-        "`vast init FILE`.\n"
+        f"error: {message} Pass one with `vast -V FILE …`, or create a project with `vast init "
+        "FILE`.\n"
     )
 
 
@@ -229,13 +229,13 @@ BAD = [
     (
         ["exec", "local", "run", "drive.vast"],
         2,
-        "`drive.vast` is a document, and OUT is the folder",
+        "`drive.vast` is a .vast file, but OUT is the results folder",
     ),
     (["exec", "local", "run", "file", "--runtime", "process"], 5, "file is a file, and results"),
     (
         ["exec", "local", "run", "gone.vast"],
         2,
-        "`gone.vast` does not exist. A document is named by",
+        "`gone.vast` does not exist. Pass a .vast file with",
     ),
     (
         [*RUN, "dangling/x"],
@@ -254,10 +254,10 @@ BAD = [
     (
         [*RUN, "fixed"],
         2,
-        "`fixed` is a configuration, and OUT is the folder for results. `--config",
+        "`fixed` is a configuration, but OUT is the results folder. `--config",
     ),
-    ([*RUN, "sweep"], 2, "`sweep` is the name of 6 configurations, and OUT is the folder for"),
-    ([*RUN, "sweep-*"], 2, "`sweep-*` is the name of 6 configurations, and OUT is the folder for"),
+    ([*RUN, "sweep"], 2, "`sweep` is the name of 6 configurations, but OUT is the results"),
+    ([*RUN, "sweep-*"], 2, "`sweep-*` is the name of 6 configurations, but OUT is the results"),
     (
         [*RUN, "sweep-9-9"],
         2,
@@ -284,9 +284,13 @@ BAD = [
     (["results", "postprocess", "-r", "file"], 2, "file is a file. Name a results folder"),
     (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),
     (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
-    (["exec", "cluster", "run", "-x", "lab"], 3, "there is no context `lab` in your kubeconfig"),
-    (["exec", "cluster", "runs", "-n", "a/../b"], 2, "`a/../b` is no name of a namespace"),
-    (["exec", "cluster", "retry", "-n", "a?b=1"], 2, "`a?b=1` is no name of a namespace"),
+    (
+        ["exec", "cluster", "run", "-x", "lab"],
+        3,
+        "the context `lab` does not exist in your kubeconfig",
+    ),
+    (["exec", "cluster", "runs", "-n", "a/../b"], 2, "`a/../b` is not a valid namespace name"),
+    (["exec", "cluster", "retry", "-n", "a?b=1"], 2, "`a?b=1` is not a valid namespace name"),
     (["exec", "cluster", "run", "--dry-run", "--queue", "Q_Q"], 2, "queue_name: must match"),
     (["config", "export-configs", "none"], 2, "There are 7, for example sweep, fixed, sweep-1-1"),
 ]
@@ -426,8 +430,8 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
         (["confg"], "No such command 'confg'. Did you mean 'config'?"),
         (["summary"], "No such command 'summary'. Did you mean `vast results summary`?"),
         (["run"], "Did you mean `vast exec cluster run`, `vast exec local run`?"),
-        (["results", "summary", "a", "b"], "If a `*` on the command line stands for several files"),
-        (["config", "check", "a.vast"], "stands before the command: `vast -V FILE …`"),
+        (["results", "summary", "a", "b"], "If a `*` on the command line matches several files"),
+        (["config", "check", "a.vast"], "before the command: `vast -V FILE …`"),
         (["config", "lst"], "No such command 'lst'. Did you mean 'list'?"),
         (["config", "list", "-o", "xml"], ": must be one of table, name, json, yaml, not 'xml'."),
         (["-l", "wrning", "config", "list"], "not 'wrning'. Did you mean 'warning'?"),
@@ -438,7 +442,7 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
         (["config", "generate"], "Usage: vast config generate [OPTIONS] OUT\n"),
         (["config", "export-configs"], "Usage: vast config export-configs [OPTIONS] PATTERN...\n"),
         (["exec", "cluster", "stop", "-x", "a", "--context", "b"], "'--context': is given twice"),
-        (["results", "summary", "--context", "a", "--context=a"], "repeat the command for each"),
+        (["results", "summary", "--context", "a", "--context=a"], "run the command again for each"),
         (
             ["exec", "local", "run", "a", "-o", "b"],
             "OUT (a) and --output (b) differ. Use one of them.",

@@ -171,7 +171,7 @@ def test_the_counts_come_last(capsys) -> None:
 def test_a_resumed_campaign_counts_what_was_there(capsys) -> None:
     play(LocalView(), runs_of(1), [P], done=3)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("4 runs, 3 of them finished before, ")
+    assert lines[0].startswith("4 runs, 3 already finished, ")
     assert lines[1].startswith("[4/4] ")
 
 

@@ -71,8 +71,18 @@ def test_connections_go_to_a_pod_that_is_ready_and_stays() -> None:
         (404, {"details": {"name": "x"}, "message": "no x"}, NotFoundError, "no x"),
         (409, {"message": "x exists"}, ConflictError, "x exists"),
         (401, {"message": "Unauthorized"}, CannotRunError, "Log in again"),
-        (403, {"message": "u may not"}, CannotRunError, "u may not. Whoever administers"),
-        (403, {"message": "x: exceeded quota: q"}, CannotRunError, "quota: q. Remove what is no"),
+        (
+            403,
+            {"message": "u may not"},
+            CannotRunError,
+            "u may not. Ask your cluster administrator",
+        ),
+        (
+            403,
+            {"message": "x: exceeded quota: q"},
+            CannotRunError,
+            "quota: q. Delete unused objects",
+        ),
         (413, {"message": "too large"}, InputError, "too large"),
         (503, {}, UnreachableError, "HTTP status 503"),
     ],
@@ -94,7 +104,7 @@ def test_refused_fields_of_the_document_are_named_as_in_the_file() -> None:
     details = {"kind": "Campaign", "name": "x", "causes": causes}
     error = refusal(422, {"message": "invalid", "details": details}, WHERE)
     assert str(error).splitlines() == [
-        "the API server refuses the Campaign `x`:",
+        "the API server rejected the Campaign `x`:",
         "    execution.runs: must be a number",
         "    spec.parallelism: too small",
         "    some rules were not checked",
@@ -136,7 +146,9 @@ def test_a_context_that_is_not_there_is_named(
 ) -> None:
     write_config(tmp_path / "a", "", home="")
     monkeypatch.setenv("KUBECONFIG", str(tmp_path / "a"))
-    with pytest.raises(CannotRunError, match=r"no context `other` in your kubeconfig.* has home\."):
+    with pytest.raises(
+        CannotRunError, match=r"context `other` does not exist in your kubeconfig.* has home\."
+    ):
         choose_context("other", None)
 
 
@@ -144,7 +156,7 @@ def test_a_context_that_is_not_there_is_named(
     ("content", "message"),
     [
         (b"a: [", "broken:2:1: not valid YAML: a value or a closing bracket is missing"),
-        (b"- 1\n", "broken is no kubeconfig: it holds no mapping"),
+        (b"- 1\n", "broken is not a valid kubeconfig: it contains no mapping"),
         (b"\xff", "broken: not a text file in UTF-8"),
     ],
 )

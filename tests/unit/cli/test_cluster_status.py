@@ -97,9 +97,9 @@ def test_the_summary_names_bad_runs() -> None:
         ).summary()
     )
     assert lines == [
-        "not passed: hall-1/0",
-        "not passed: hall-2/3",
-        "… and 1 more that did not pass.",
+        "unsuccessful: hall-1/0",
+        "unsuccessful: hall-2/3",
+        "… and 1 more unsuccessful runs.",
         "10 of 10 done: 7 passed, 2 failed, 1 errored.",
     ]
 
@@ -146,7 +146,7 @@ def test_a_campaign_is_found_by_the_name_of_its_results() -> None:
 
 def test_of_campaigns_of_one_second_one_must_be_named() -> None:
     twins = [campaign(name, campaign="drive-2026-01-01-000000") for name in ("one", "two")]
-    with pytest.raises(InputError, match="name one of one, two"):
+    with pytest.raises(InputError, match="Name one of them: one, two"):
         find_campaign(twins, "drive-2026-01-01-000000", "ns")
     assert find_campaign(twins, "one", "ns").name == "one"
 

@@ -87,7 +87,7 @@ def test_a_fault_is_one_line_and_code_70(vast, sweep, monkeypatch) -> None:
     outcome = vast("config", "list")
     assert outcome.code == 70
     assert outcome.err == (
-        "error: a bug in RoboVAST: KeyError: 'x\\ny' (`vast -l debug …` shows where)\n"
+        "error: a bug in RoboVAST: KeyError: 'x\\ny' (`vast -l debug …` shows the traceback)\n"
     )
 
 

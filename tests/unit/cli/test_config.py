@@ -72,7 +72,7 @@ def test_long_values_are_cut_in_the_table_alone(vast, sweep) -> None:
 
 def test_info_counts_what_each_entry_makes(vast, sweep) -> None:
     out = vast("config", "info").out
-    assert "scenario       drive (drive.osc)" in out
+    assert "scenario                drive (drive.osc)" in out
     assert out.splitlines()[-3:] == [
         "sweep  ParameterVariationList * ParameterVariationList  6               12",
         "fixed  fixed parameters                                 1               2",
@@ -164,7 +164,8 @@ def test_generate_overwrites_nothing(vast, sweep, tmp_path) -> None:
     outcome = vast("config", "generate", "out")
     assert (outcome.code, outcome.err) == (
         5,
-        "error: out is not empty. Choose a new folder, or empty this one.\n",
+        "error: cannot generate into out: the folder is not empty. Choose a new folder, or empty "
+        "this one.\n",
     )
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine"]
 
@@ -192,7 +193,7 @@ def test_export_goes_to_stdout_and_overwrites_nothing(vast, sweep, tmp_path) -> 
 def test_configurations_with_files_of_their_own_cannot_be_exported(vast, maps) -> None:
     outcome = vast("config", "export-configs", "*")
     assert outcome.code == 2
-    assert "`hall-1` needs files that its variations make (map.txt)" in outcome.err
+    assert "its variations create files (map.txt)" in outcome.err
 
 
 def test_import_from_a_generated_campaign(vast, sweep, tmp_path) -> None:
@@ -205,7 +206,7 @@ def test_import_from_a_generated_campaign(vast, sweep, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("name", "cause"),
     [
-        ("fixed", "has configurations of these names already: fixed. Rename them"),
+        ("fixed", "configurations with these names exist already: fixed. Rename them"),
         ("sweep-2-1", "no configuration was added, because"),  # a variation creates it
     ],
 )
@@ -231,16 +232,16 @@ def test_import_leaves_out_what_cannot_be_expanded(vast, sweep, tmp_path) -> Non
     assert (outcome.code, outcome.out) == (0, "Added 1 configuration to drive.vast.\n")
     lines = outcome.err.splitlines()
     assert lines[0].startswith(
-        "more.yaml: `odd` is left out: configuration[0].parameters[0].colour:"
+        "more.yaml: `odd` is skipped: configuration[0].parameters[0].colour:"
     )
-    assert lines[1].startswith("more.yaml: `a/b` is left out: configuration[0].name:")
-    assert lines[2].startswith("more.yaml: `7` is left out: ")
+    assert lines[1].startswith("more.yaml: `a/b` is skipped: configuration[0].name:")
+    assert lines[2].startswith("more.yaml: `7` is skipped: ")
     assert vast("config", "list", "-o", "name").out.split()[-1] == "new-1"
     before = sweep.read_bytes()
     (tmp_path / "more.yaml").write_text(yaml.safe_dump({"configuration": bad}))
     outcome = vast("-V", sweep, "config", "import-configs", "more.yaml")
     assert outcome.code == 2
-    assert "none of its configurations can be used" in outcome.err
+    assert "no configuration can be used" in outcome.err
     assert sweep.read_bytes() == before
 
 

@@ -32,17 +32,17 @@ def pod(started: bool, agent: Any, run: Any, **before: Any) -> Any:
 @pytest.mark.parametrize(
     ("pod", "told"),
     [
-        (pod(False, NOT_YET, NOT_YET, compat_version=RUNNING), "by its container compat-version"),
-        (pod(False, RUNNING, RUNNING, compat_version=DONE, sim=RUNNING), "by its container agent"),
+        (pod(False, NOT_YET, NOT_YET, compat_version=RUNNING), "by container compat-version"),
+        (pod(False, RUNNING, RUNNING, compat_version=DONE, sim=RUNNING), "by container agent"),
         (
             pod(False, NO_IMAGE, RUNNING, compat_version=DONE),
-            "for its container agent: ImagePullBackOff: Back-off pulling",
+            "for container agent: ImagePullBackOff: Back-off pulling",
         ),
         (
             pod(False, NOT_YET, NOT_YET, compat_version=DONE, fetch=RUNNING),
-            "by its container fetch",
+            "by container fetch",
         ),
-        (pod(False, NOT_YET, NOT_YET, istio_init=RUNNING), "waits for its container istio-init"),
+        (pod(False, NOT_YET, NOT_YET, istio_init=RUNNING), "waits for container istio-init"),
     ],
     ids=["version", "agent", "image", "earlier operator", "added"],
 )
@@ -67,9 +67,7 @@ def test_a_container_that_cannot_be_started_has_no_log_and_the_pod_says_why() ->
     refused = {"terminated": {"reason": "StartError", "message": "memory limit too low"}}
     found = pod(True, RUNNING, refused, compat_version=DONE)
     assert not has_begun(found, "robovast")
-    assert waiting_reason(found).endswith(
-        "cannot start its container robovast: memory limit too low"
-    )
+    assert waiting_reason(found).endswith("cannot start container robovast: memory limit too low")
     assert has_begun(pod(True, RUNNING, DONE), "robovast")
 
 
@@ -80,7 +78,7 @@ def test_of_a_campaign_that_was_removed_nothing_but_runs_is_looked_for(run: str)
     kube: Any = None
     with ExitStack() as stack:
         runs = CampaignRuns(kube, None, "bucket", StorePlace("http://s3"), stack)
-        with pytest.raises(InputError, match="is no run: each has the name of its folder"):
+        with pytest.raises(InputError, match="is not a valid run"):
             runs.executor(run)
         assert runs.executor("hall-1/0") is None
 

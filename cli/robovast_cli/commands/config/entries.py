@@ -54,7 +54,7 @@ def export_entries(document: Document, patterns: Sequence[str], output: Path | N
 def import_entries(target: Path, source: Path) -> None:
     """Append the entries of a source to the `configuration` list of a .vast file.
 
-    Each is expanded by itself before; what cannot be is named and left out.
+    Each is expanded by itself before; invalid ones are reported and skipped.
 
     Raises:
         InputError: nothing to import, a name that exists already or that a variation creates, or a
@@ -67,7 +67,7 @@ def import_entries(target: Path, source: Path) -> None:
     _refuse_known(document, given)
     entries = [entry for entry in given if _is_usable(document, entry, source)]
     if not entries:
-        raise InputError(f"{source}: none of its configurations can be used in {target}.")
+        raise InputError(f"{source}: no configuration can be used in {target}.")
     text = append_entries(read_content(target).decode(), entries, target)
     _refuse_created(check_source(Source(target, text)), source)
     with writing(target):
@@ -83,8 +83,8 @@ def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
     there = [name for name in names if name in known]
     if there:
         raise InputError(
-            f"{document.path}: has configurations of these names already: "
-            f"{', '.join(there)}. Rename them, there or in what is imported."
+            f"{document.path}: configurations with these names exist already: "
+            f"{', '.join(there)}. Rename them in one of the files."
         )
 
 
@@ -109,7 +109,7 @@ def _is_usable(document: Document, entry: Any, source: Path) -> bool:
     except RobovastError as error:
         cause = str(error)
     name = entry.get("name") if isinstance(entry, dict) else entry
-    tell(f"{source}: `{name}` is left out: {cause}")
+    tell(f"{source}: `{name}` is skipped: {cause}")
     return False
 
 
@@ -134,8 +134,8 @@ def _refuse_brackets(node: yaml.Node | None, file: Path) -> None:
     if isinstance(node, yaml.CollectionNode) and node.flow_style:
         mark = node.start_mark
         raise InputError(
-            f"{file}:{mark.line + 1}:{mark.column + 1}: what is written in brackets cannot be "
-            "extended without rewriting it. Write `configuration:` with one `- name: …` a line."
+            f"{file}:{mark.line + 1}:{mark.column + 1}: YAML in brackets cannot be extended. "
+            "Write `configuration:` with one `- name: …` per line."
         )
 
 
@@ -180,7 +180,7 @@ def _read_entries(source: Path, scenario: Scenario) -> list[Any]:
     data = read.data
     entries = data.get("configuration") if isinstance(data, dict) else None
     if not isinstance(entries, list) or not entries:
-        raise InputError(f"{source}: holds no `configuration` list, so there is nothing to import.")
+        raise InputError(f"{source}: no `configuration` list to import.")
     return entries
 
 
@@ -188,8 +188,8 @@ def _entry(variant: Variant) -> dict[str, Any]:
     if variant.files:
         names = ", ".join(file.name for file in variant.files)
         raise InputError(
-            f"configuration `{variant.name}` needs files that its variations make ({names}), so "
-            "fixed parameters alone would not run it. Leave it out, or keep its variations."
+            f"cannot export `{variant.name}` with fixed parameters: its variations create files "
+            f"({names}). Exclude the configuration, or keep its variations."
         )
     parameters = [
         {name: value} for name, value in variant.parameters.items() if not name.startswith("_")

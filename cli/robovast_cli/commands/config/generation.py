@@ -36,7 +36,10 @@ def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool)
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
-            raise StorageError(f"{out} is not empty. Choose a new folder, or empty this one.")
+            raise StorageError(
+                f"cannot generate into {out}: the folder is not empty. Choose a new folder, or "
+                "empty this one."
+            )
         with _work_folder(out, keep_work) as work, _cache(use_cache):
             with working(f"Expanding {document.source.file.name}") as tell:
                 composition = compose(document, work, tell)

@@ -56,7 +56,7 @@ def print_summary(document: Document) -> None:
 
 
 def print_check(document: Document) -> None:
-    """Check all of a document that was read, and say that it is sound.
+    """Check all of a document that was read, and report that it is valid.
 
     Raises:
         InputError: it cannot be expanded, or an amount is invalid.
@@ -167,15 +167,15 @@ def _facts(document: Document) -> Iterator[tuple[str, str]]:
     yield "title", str(vast.metadata.get("title") or "")
     yield "campaign", vast.campaign_name
     yield "scenario", f"{read_scenario(document.scenario).name} ({vast.scenario_file})"
-    yield "image", execution.image or "none: runs as plain processes"
-    yield "runs of each", runs_of_each(execution)
-    yield "runs in a job", str(execution.runs_per_job)
-    yield "seed", "drawn at random" if execution.seed is None else str(execution.seed)
-    yield "timeout", f"{execution.timeout} s a run" if execution.timeout else "none"
+    yield "image", execution.image or "none (local processes)"
+    yield "runs per configuration", runs_of_each(execution)
+    yield "runs per job", str(execution.runs_per_job)
+    yield "seed", "random" if execution.seed is None else str(execution.seed)
+    yield "timeout", f"{execution.timeout} s per run" if execution.timeout else "none"
     yield "run files", ", ".join(execution.run_files)
-    yield "beside it", ", ".join(c.name for c in execution.secondary_containers)
+    yield "secondary containers", ", ".join(c.name for c in execution.secondary_containers)
     yield "notebooks", ", ".join(vast.visualization)
-    yield "post-processing", ", ".join(call.name for call in vast.postprocessing)
+    yield "postprocessing", ", ".join(call.name for call in vast.postprocessing)
 
 
 def _entries(document: Document, variants: Sequence[Variant]) -> str:
@@ -183,18 +183,18 @@ def _entries(document: Document, variants: Sequence[Variant]) -> str:
     runs = document.vast.execution.most_runs
     entries = {entry.name: _made_of(entry) for entry in document.vast.configuration or []}
     rows = [
-        [name, entries.get(name, "the scenario's defaults"), str(count), str(count * runs)]
+        [name, entries.get(name, "scenario defaults"), str(count), str(count * runs)]
         for name, count in counts.items()
     ]
     rows.append(["total", "", str(len(variants)), str(len(variants) * runs)])
-    return format_table(["ENTRY", "MADE OF", "CONFIGURATIONS", "RUNS"], rows)
+    return format_table(["ENTRY", "VARIATIONS", "CONFIGURATIONS", "RUNS"], rows)
 
 
 def _made_of(entry: ConfigurationEntry) -> str:
     if entry.variations:
         product = " * ".join(call.name for call in entry.variations)
         return f"{product}, {entry.design.kind}" if entry.design else product
-    return "fixed parameters" if entry.parameters else "the scenario's defaults"
+    return "fixed parameters" if entry.parameters else "scenario defaults"
 
 
 def _designs(document: Document) -> Iterator[str]:

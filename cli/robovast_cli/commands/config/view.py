@@ -42,8 +42,8 @@ def write_pictures(document: Document, selection: Selection, out: Path, kind: Fo
         ]
         if not mapped:
             raise InputError(
-                f"{document.path}: no configuration has a map to draw. Floor plan, path and "
-                "obstacle variations give them one."
+                f"{document.path}: no configuration has a map to draw. Use a floor plan, path or "
+                "obstacle variation."
             )
         refuse_obstacle(out)
         with writing(out):
@@ -51,7 +51,7 @@ def write_pictures(document: Document, selection: Selection, out: Path, kind: Fo
             for variant in mapped:
                 tell(variant.name)
                 (out / f"{variant.name}.{kind}").write_bytes(_picture(document, variant, kind))
-    noun = "picture" if len(mapped) == 1 else "pictures"
+    noun = "image" if len(mapped) == 1 else "images"
     typer.echo(f"Wrote {len(mapped)} {noun} to {shown(out)}.")
 
 

@@ -76,8 +76,8 @@ class Helm:
             result = subprocess.run(command, capture_output=True, text=True, check=False)
         except FileNotFoundError:
             raise CannotRunError(
-                "`helm` is missing: install it (https://helm.sh/docs/intro/install/), or use "
-                "`vast exec cluster prepare-setup`, which writes what Helm gets elsewhere."
+                "`helm` is not installed. Install it (https://helm.sh/docs/intro/install/), or use "
+                "`vast exec cluster prepare-setup` to write the files for Helm on another machine."
             ) from None
         if check and result.returncode:
             raise CannotRunError(f"`helm {arguments[0]}` failed: {result.stderr.strip()}")

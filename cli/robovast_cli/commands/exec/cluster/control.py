@@ -16,18 +16,16 @@ from robovast_cli.ui.output import say
 def stop(context: str | None, namespace: str | None, name: str | None) -> None:
     """Stop a campaign; without a name the only one that runs."""
     with connect(context, namespace) as kube:
-        campaign = _one(kube, name, lambda c: not c.finished and not c.suspended, "that runs")
+        campaign = _one(kube, name, lambda c: not c.finished and not c.suspended, "that is running")
         kube.patch_campaign(campaign.name, {"suspend": True})
-    say(
-        f"{campaign.name}: its pods are being stopped. Runs in progress are lost, stored ones stay."
-    )
+    say(f"{campaign.name}: stopping pods. Runs in progress are lost; stored runs are kept.")
     say(f"Resume:   vast exec cluster resume -i {campaign.name}{kube.given}")
 
 
 def resume(
     context: str | None, namespace: str | None, name: str | None, batches: int | None
 ) -> None:
-    """Let a stopped campaign go on, or a search with so many batches in all.
+    """Resume a stopped campaign, or extend a search to a total number of batches.
 
     Without a name it is the only one that is stopped, or is a search.
     """
@@ -40,7 +38,7 @@ def resume(
             _refuse_fewer(campaign, batches)
             end = {"budget": [{"batches": batches}], "stopping": []}
             kube.patch_campaign(campaign.name, {"suspend": False, "vast": {"search": end}})
-    say(f"{campaign.name}: goes on.")
+    say(f"{campaign.name}: resumed.")
 
 
 def _is_search(campaign: CampaignState) -> bool:
@@ -48,7 +46,7 @@ def _is_search(campaign: CampaignState) -> bool:
 
 
 def _refuse_fewer(campaign: CampaignState, batches: int) -> None:
-    """Refuse a number of batches with which nothing would be executed.
+    """Refuse a number of batches with which no run would start.
 
     Raises:
         InputError: so many are done.
@@ -57,19 +55,19 @@ def _refuse_fewer(campaign: CampaignState, batches: int) -> None:
     done = search.batch if search is not None else 0
     if batches <= done:
         raise InputError(
-            f"{campaign.name} has {done} batches; `--batches` counts them all: give more than "
-            f"{done}."
+            f"{campaign.name} has {done} batches already. `--batches` is the total number and must "
+            f"be greater than {done}."
         )
 
 
 def retry(context: str | None, namespace: str | None, name: str | None) -> None:
     """Repeat the bad runs of a campaign; without a name of the only one that has some."""
     with connect(context, namespace) as kube:
-        campaign = _one(kube, name, _can_be_retried, "with bad runs to repeat")
+        campaign = _one(kube, name, _can_be_retried, "with unsuccessful runs")
         kube.patch_campaign(campaign.name, {"attempt": campaign.attempt + 1})
     runs = campaign.status.runs
     bad = runs.failed + runs.errored
-    say(f"{campaign.name}: {bad} {'run is' if bad == 1 else 'runs are'} executed once more.")
+    say(f"{campaign.name}: retrying {bad} {'run' if bad == 1 else 'runs'}.")
 
 
 def run_cleanup(
@@ -92,14 +90,14 @@ def download_cleanup(
         chosen = [find_campaign(known, name, kube.namespace)] if name else known
         doomed = [campaign for campaign in chosen if campaign.finished and campaign.bucket]
         if name and not doomed:
-            raise InputError(f"{name}: is not finished, or has no results in the storage.")
+            raise InputError(f"{name} is not finished, or has no results in the object storage.")
         for campaign in doomed:
             say(f"{campaign.name}: bucket {campaign.bucket}")
         if doomed and ask:
-            typer.confirm("Remove these results from the cluster's storage?", abort=True)
+            typer.confirm("Delete these results from the object storage?", abort=True)
         for campaign in doomed:
             remove_bucket(kube, campaign)
-        say(f"Removed: {len(doomed)}.")
+        say(f"Deleted: {len(doomed)}.")
 
 
 def _can_be_retried(campaign: CampaignState) -> bool:
@@ -116,7 +114,7 @@ def _one(
         campaign = find_campaign(known, name, kube.namespace)
         if not fits(campaign):
             raise InputError(
-                f"{name}: is no campaign {what}; its state is {campaign.status.state}."
+                f"{name} is not a campaign {what}; its state is {campaign.status.state}."
             )
         return campaign
     found = [campaign for campaign in known if fits(campaign)]
@@ -124,5 +122,5 @@ def _one(
         return found[0]
     names = ", ".join(campaign.name for campaign in found) or "none"
     raise InputError(
-        f"name a campaign {what} with `--campaign`; the namespace {kube.namespace} has {names}."
+        f"select a campaign {what} with `--campaign`; the namespace {kube.namespace} has {names}."
     )

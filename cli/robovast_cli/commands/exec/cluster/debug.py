@@ -1,4 +1,4 @@
-"""`vast exec cluster debug`: one run once more, in a pod of its own that stays."""
+"""`vast exec cluster debug`: run one run again in a pod that remains."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ def debug(context: str | None, namespace: str | None, words: Sequence[str]) -> N
         runs.check_accepted()
         campaign, planned = runs.campaign, runs.planned
         if campaign is None or planned is None:
-            raise CannotRunError("the Campaign has no runs yet, or was removed.")
+            raise CannotRunError("the Campaign has no runs yet, or was deleted.")
         id_ = planned.id_of(run)
         jobs = kube.jobs({UID_LABEL: campaign.uid, ROLE_LABEL: SHARD_ROLE})
         if not jobs:
             raise CannotRunError(
-                f"no Job of {campaign.name} is left that says how the pod of {run} is made. "
-                f"`vast replay` executes a downloaded run once more on this machine."
+                f"cannot create a pod for {run}: no Job of {campaign.name} is left. `vast replay` "
+                "runs a downloaded run again on this machine."
             )
         pod = kube.create_pod(debug_pod(campaign.resource, jobs[-1], id_))["metadata"]["name"]
         kubectl = "kubectl" + (f" --context {kube.context}" if kube.context else "")
         kubectl += f" --namespace {kube.namespace}"
     inside = "source /config/.robovast/environment.sh && cd /out && bash /config/entrypoint.sh"
-    say(f"{run} is executed once more in the pod {pod}, which stores nothing. When it has ended,")
-    say(f"the pod stays, for {HOURS} h at most; what the run writes is in /out.")
+    say(f"{run} runs again in the pod {pod}, which stores no results. After the run, the pod")
+    say(f"remains for at most {HOURS} h. The output of the run is in /out.")
     say(f"log:    {kubectl} logs --follow {pod} --container {RUN}")
     say(f"enter:  {kubectl} exec --stdin --tty {pod} --container {RUN} -- bash")
     say(f"again:  {inside}  (in there)")
-    say(f"end:    {kubectl} delete pod {pod}")
+    say(f"delete: {kubectl} delete pod {pod}")

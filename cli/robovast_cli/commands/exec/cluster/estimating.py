@@ -1,4 +1,4 @@
-"""`vast exec cluster run --estimate`: how long a campaign would take, by those before it."""
+"""`vast exec cluster run --estimate`: the estimated duration and cost of a campaign."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def print_estimate(
         namespace: the context's when None.
 
     Raises:
-        InputError: nobody can know how many runs it has.
+        InputError: its number of runs is unknown.
     """
     runs = _runs_of(document, options)
     with connect(context, namespace) as kube:
@@ -40,17 +40,16 @@ def print_estimate(
     earlier = list(_like(document, known))
     workers = options.parallelism or _default_parallelism()
     found = forecast(earlier, runs, workers)
-    say(f"{runs:,} runs, at most {min(runs, workers):,} at once.")
+    say(f"{runs:,} runs, at most {min(runs, workers):,} in parallel.")
     if found is None:
         say(
-            f"Nothing is known of its time: no campaign of {document_name(document)} has ended in "
-            "this namespace."
+            f"No estimate: no campaign of {document_name(document)} has finished in this namespace."
         )
         return
     say(
-        f"Takes about {clock_time(found.seconds)}, nine of ten times {clock_time(found.least)} to "
-        f"{clock_time(found.most)}, as {_campaigns(len(earlier))} before it did: begun now, it "
-        f"ends about {_moment(found.seconds)}."
+        f"Estimated duration: {clock_time(found.seconds)} (90 % interval {clock_time(found.least)} "
+        f"to {clock_time(found.most)}), based on {_campaigns(len(earlier))}. If started now, the "
+        f"campaign completes at about {_moment(found.seconds)}."
     )
     if cores:
         say(_cost(found, cores * min(runs, workers)))
@@ -58,7 +57,7 @@ def print_estimate(
 
 def _runs_of(document: Document, options: SubmitOptions) -> int:
     if document.vast.search is not None:
-        raise InputError("--estimate: a search proposes its runs itself; nobody knows how many.")
+        raise InputError("cannot estimate a search: its number of runs is unknown.")
     with TemporaryDirectory() as folder:
         variants = select_any(compose(document, Path(folder)).variants, options.select)
     return len(list(variants)) * (options.runs or document.vast.execution.most_runs)
@@ -84,7 +83,7 @@ def _like(document: Document, known: Iterable[CampaignState]) -> Iterator[Spent]
 
 
 def _campaigns(number: int) -> str:
-    return "the one campaign" if number == 1 else f"{number} campaigns"
+    return "1 earlier campaign" if number == 1 else f"{number} earlier campaigns"
 
 
 def _moment(seconds: float) -> str:
@@ -94,6 +93,5 @@ def _moment(seconds: float) -> str:
 def _cost(found: Forecast, cores: float) -> str:
     """The CPU-hours that its pods ask for."""
     hours = [cores * seconds / 3600 for seconds in (found.seconds, found.least, found.most)]
-    return (
-        f"Costs about {hours[0]:.2g} CPU-hours, nine of ten times {hours[1]:.2g} to {hours[2]:.2g}."
-    )
+    interval = f"90 % interval {hours[1]:.2g} to {hours[2]:.2g}"
+    return f"Estimated cost: {hours[0]:.2g} CPU-hours ({interval})."

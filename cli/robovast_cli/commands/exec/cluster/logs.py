@@ -62,7 +62,9 @@ def logs(
     """
     if failed:
         if how.follow or len(words) > 1:
-            raise InputError("`--failed` takes at most a campaign, and follows nothing.")
+            raise InputError(
+                "`--failed` accepts at most a campaign, and cannot be combined with `--follow`."
+            )
         with opened_runs(context, namespace, next(iter(words), None)) as (kube, runs):
             for run in runs.bad():
                 RunLog(kube, runs, run, how).show_titled()
@@ -80,8 +82,8 @@ def campaign_and_run(words: Sequence[str]) -> tuple[str | None, str]:
     """
     if len(words) not in (1, 2):
         raise InputError(
-            "name a run by its folder, as `hall-1/0`, and before it its campaign where the "
-            "namespace has several."
+            "name a run, for example `hall-1/0`. If the namespace has several campaigns, name the "
+            "campaign before the run."
         )
     return (words[0] if len(words) == 2 else None), words[-1]
 
@@ -137,7 +139,7 @@ class RunLog:
                 return
             reason = self._waiting(executor)
             if reason != told:
-                tell(f"{self._run} waits: {reason.rstrip('.')}.")
+                tell(f"{self._run} is pending: {reason.rstrip('.')}.")
                 told = reason
             if not self._how.follow:
                 return
@@ -147,7 +149,7 @@ class RunLog:
         """Print it below a line that says what became of the run."""
         record = self._runs.record(self._run)
         if record is None:
-            _print([f"==> {self._run}: errored: it was never stored <=="])
+            _print([f"==> {self._run}: errored: never stored <=="])
             return
         _print([f"==> {self._run}: {record.verdict}: {record.reason} <=="])
         self._show_stored(record)
@@ -196,26 +198,28 @@ class RunLog:
     def _whole(self, lines: Sequence[str], runs: int) -> Sequence[str]:
         """All lines of a job's log, with a note if other runs are in it."""
         if runs > 1:
-            tell(f"{self._run}: this log does not tell it from the {runs} runs of its job.")
+            tell(f"{self._run}: the log is from a job with {runs} runs and cannot be divided.")
         return lines
 
     def _waiting(self, executor: Executor | None) -> str:
         """Why a run is neither executed nor stored."""
         campaign = self._runs.campaign
         if executor is not None and is_prepared(executor.pod) and has_begun(executor.pod, RUN):
-            return f"its pod {executor.name} has not come to it yet"
+            return f"its pod {executor.name} has not started this run yet"
         if executor is not None:
             return waiting_reason(executor.pod)
         self._runs.check_accepted()
         if campaign is None or (campaign.finished and not campaign.rejected):
             raise InputError(f"`{self._run}` is not among the stored runs of the campaign.")
         if campaign.suspended:
-            return f"the campaign is stopped; `vast exec cluster resume -i {campaign.name}`"
+            return (
+                f"the campaign is stopped; resume it: vast exec cluster resume -i {campaign.name}"
+            )
         if campaign.messages:
             return "; ".join(campaign.messages)
         if self._runs.planned is None:
-            return "the campaign is not planned yet"
-        return f"it has no pod yet ({campaign.counts()})"
+            return "the campaign has no plan yet"
+        return f"the run has no pod yet ({campaign.counts()})"
 
 
 def _print(lines: Iterable[str]) -> None:

@@ -35,7 +35,7 @@ def monitor(context: str | None, namespace: str | None, *, interval: float, once
         except KeyboardInterrupt:
             return
         if not shown:
-            say(f"No campaign runs in the namespace {kube.namespace}; `--once` shows all.")
+            say(f"No campaign is running in the namespace {kube.namespace}. `--once` shows all.")
 
 
 def _campaigns(kube: Kubernetes) -> list[CampaignState]:

@@ -1,4 +1,4 @@
-"""Receivers of a campaign's notifications, from the environment or a `.env` file.
+"""Notification targets of a campaign, from the environment or a `.env` file.
 
 The variables go into a Secret that belongs to the campaign: who knows a topic can read it.
 """
@@ -81,8 +81,7 @@ def begin(kube: Kubernetes, campaign: Mapping[str, Any], values: Mapping[str, st
     without = "No notifications will be sent"
     if values and create_secret(kube, campaign, SUFFIX, values, without):
         kinds = ("ntfy",) * (_NTFY_URL in values) + ("webhook",) * (_WEBHOOK_URL in values)
-        told = "its start, each hour, its end, and what needs help"
-        say(f"Told by {' and '.join(kinds)}: {told}.")
+        say(f"Notifications by {' and '.join(kinds)}: start, each hour, end and problems.")
 
 
 def _check_url(variable: str, url: str) -> None:
@@ -92,4 +91,4 @@ def _check_url(variable: str, url: str) -> None:
     except ValueError:
         usable = False
     if not usable or not (url.isascii() and url.isprintable()):
-        raise InputError(f"{variable}: write a URL of http:// or https://.")
+        raise InputError(f"{variable} must be an http:// or https:// URL.")

@@ -25,8 +25,8 @@ vast results download -i {name}
 """
 
 _UPLOAD = """
-The document's files are too many for the Campaign itself. It expects `{key}` in the bucket
-`{bucket}` of the S3 server, under that name; any S3 client can put it there, for example
+The files of the .vast file are too large for the Campaign, which expects `{key}` in the bucket
+`{bucket}` of the S3 server. Upload the archive with an S3 client, for example:
 
 ```bash
 aws --endpoint-url URL s3 cp {key} s3://{bucket}/{key}
@@ -49,7 +49,7 @@ def prepare_run(
     refuse_obstacle(output)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / FILE).is_file():
-            raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
+            raise StorageError(f"{output} contains other files. Choose a new or empty folder.")
         output.mkdir(parents=True, exist_ok=True)
         (output / FILE).write_text(dump_any(submission.campaign), encoding="utf-8")
         if submission.archive:
@@ -57,4 +57,4 @@ def prepare_run(
             (output / key).write_bytes(submission.archive.content)
             text += _UPLOAD.format(key=key, bucket=BUNDLES_BUCKET)
         (output / "README.md").write_text(text, encoding="utf-8")
-    say(f"Go on with {output / 'README.md'}.")
+    say(f"Next: follow {output / 'README.md'}.")

@@ -31,8 +31,8 @@ def remove_finished(kube: Kubernetes, *, data: bool = False) -> None:
     for campaign in campaigns:
         if not campaign.finished:
             say(
-                f"{campaign.name}: still runs; `vast exec cluster run-cleanup -i "
-                f"{campaign.name}{kube.given}` removes it, too."
+                f"{campaign.name}: still running. To delete it: vast exec cluster run-cleanup -i "
+                f"{campaign.name}{kube.given}"
             )
 
 
@@ -50,10 +50,10 @@ def remove(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool) 
         _wait_until_gone(kube, campaign, with_pods=data)
         if data:
             remove_bucket(kube, campaign)
-        known = "its results" if campaign.status.bucket else "its results, if it has any,"
-        kept = f"; {known} stay in the bucket {campaign.bucket}" if campaign.bucket else ""
+        known = "its results" if campaign.status.bucket else "its results, if any,"
+        kept = f"; {known} remain in the bucket {campaign.bucket}" if campaign.bucket else ""
         kept = "" if data else kept
-        say(f"{campaign.name}: removed{kept}.")
+        say(f"{campaign.name}: deleted{kept}.")
 
 
 def remove_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
@@ -75,8 +75,8 @@ def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bo
 
     if not wait_until(is_gone, PATIENCE, PAUSE):
         raise CannotRunError(
-            f"{campaign.name}: is marked for removal, but does not go. Look at `kubectl describe "
-            f"campaign {campaign.name}` and `kubectl get pods`, then repeat the command."
+            f"{campaign.name}: is marked for deletion, but still exists. Check `kubectl describe "
+            f"campaign {campaign.name}` and `kubectl get pods`, then run the command again."
         )
 
 

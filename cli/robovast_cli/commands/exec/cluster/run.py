@@ -1,4 +1,4 @@
-"""`vast exec cluster run`: hand a document over to the cluster, and watch what becomes of it."""
+"""`vast exec cluster run`: submit a campaign and show its progress."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ def run(
     detach: bool,
     clean_before: bool,
 ) -> ExitCode:
-    """Execute a document on a cluster.
+    """Run a campaign on a cluster.
 
     Args:
         document: the checked document.
-        options: what counts beside it.
+        options: settings in addition to the document.
         context: of the kubeconfig; the current one when None.
         namespace: the context's when None.
         detach: do not wait for the end.
@@ -71,11 +71,11 @@ def run(
         if clean_before:
             remove_finished(kube)
         campaign = _submitted(kube, submission, told, shared)
-        say(f"Campaign {campaign.name} is in the cluster (namespace {kube.namespace}).")
+        say(f"Campaign {campaign.name} was created in the namespace {kube.namespace}.")
         notifying.begin(kube, campaign.resource, told)
         sharing.begin(kube, campaign.resource, shared)
         if detach:
-            _say_how_to_go_on(kube, campaign)
+            _say_next_commands(kube, campaign)
             return ExitCode.OK
         return _follow(kube, campaign)
 
@@ -96,7 +96,7 @@ def _submitted(
         _upload(kube, submission)
     try:
         return CampaignState(kube.create_campaign(campaign))
-    except (KeyboardInterrupt, UnreachableError):  # nobody knows whether it was created
+    except (KeyboardInterrupt, UnreachableError):  # it may have been created
         _take_back(kube, CampaignState(campaign).name)
         raise
 
@@ -109,8 +109,8 @@ def _take_back(kube: Kubernetes, name: str) -> None:
         return
     except RobovastError as error:
         say(
-            f"The campaign {name} may be left behind in the namespace {kube.namespace}: {error} "
-            f"`vast exec cluster monitor --once{kube.given}` shows whether it is."
+            f"The campaign {name} may still exist in the namespace {kube.namespace}: {error} "
+            f"Check with `vast exec cluster monitor --once{kube.given}`."
         )
 
 
@@ -134,8 +134,8 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
                 time.sleep(INTERVAL)
                 state = _next_state(kube, state)
     except KeyboardInterrupt:
-        say(f"\nNo longer followed: the campaign {campaign.name} goes on in the cluster.")
-        _say_how_to_go_on(kube, campaign)
+        say(f"\nDisplay stopped. The campaign {campaign.name} continues in the cluster.")
+        _say_next_commands(kube, campaign)
         return ExitCode.INTERRUPTED
     if state is None:
         place = f"the cluster (namespace {kube.namespace})"
@@ -147,7 +147,7 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
     return state.exit_code
 
 
-def _say_how_to_go_on(kube: Kubernetes, campaign: CampaignState) -> None:
+def _say_next_commands(kube: Kubernetes, campaign: CampaignState) -> None:
     """Print what can be done with a campaign that is being executed."""
     say(f"Watch:    vast exec cluster monitor{kube.given}")
     say(f"Stop:     vast exec cluster stop -i {campaign.name}{kube.given}")
@@ -170,7 +170,7 @@ def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState | None:
 def _upload(kube: Kubernetes, submission: Submission) -> None:
     archive = submission.archive
     assert archive is not None  # noqa: S101  # the caller looked
-    say(f"Uploading the document's files ({len(archive.content) / 1e6:.1f} MB) …")
+    say(f"Uploading the files of the .vast file ({len(archive.content) / 1e6:.1f} MB) …")
     known = [CampaignState(item) for item in kube.campaigns()]
     with open_store(kube, installed_place(kube, known)) as store:
         store.make_bucket(BUNDLES_BUCKET)
@@ -181,8 +181,8 @@ def _warn_of_archive(submission: Submission) -> None:
     archive = submission.archive
     assert archive is not None  # noqa: S101  # the caller looked
     print(  # noqa: T201
-        "note: the document's files are too many for the Campaign itself: it expects them as "
-        f"s3://{BUNDLES_BUCKET}/{archive.key}. `vast exec cluster prepare-run DIR` writes that "
-        "archive; or keep the files in Git and write `source: {git: …}`.",
+        "note: the files of the .vast file are too large for the Campaign, which expects them at "
+        f"s3://{BUNDLES_BUCKET}/{archive.key}. `vast exec cluster prepare-run DIR` writes this "
+        "archive. Or keep the files in Git and set `source: {git: …}`.",
         file=sys.stderr,
     )

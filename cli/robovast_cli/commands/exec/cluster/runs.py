@@ -37,9 +37,9 @@ def runs(context: str | None, namespace: str | None, name: str | None, *, failed
         if rows:
             sys.stdout.write(format_table(COLUMNS, rows))
         elif failed:
-            say("No run has failed.")
+            say("No unsuccessful runs.")
         else:
-            say("No run is executed now, and none has failed.")
+            say("No running and no unsuccessful runs.")
         if found.campaign is not None:
             say(f"{found.campaign.name}: {found.campaign.counts()}.")
             for told in () if rows else found.campaign.messages:
@@ -68,5 +68,5 @@ def _row(first: str, executor: Executor) -> list[str]:
 
 def _ended(run: str, record: RunRecord | None) -> list[str]:
     if record is None:
-        return [run, "errored", "", "", "", "it was never stored"]
+        return [run, "errored", "", "", "", "never stored"]
     return [run, record.verdict, clock_time(record.duration), "", record.host, record.reason]

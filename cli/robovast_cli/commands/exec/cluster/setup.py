@@ -44,7 +44,7 @@ def setup(
     *,
     force: bool,
 ) -> None:
-    """Install RoboVAST in a cluster, or renew it.
+    """Install or upgrade RoboVAST in a cluster.
 
     Args:
         name: the cluster configuration.
@@ -83,8 +83,8 @@ def cleanup(context: str | None, namespace: str | None, *, force: bool) -> None:
             config, _, _ = _config(description.removeprefix(_BY), [])
             config.cleanup_cluster(namespace=kube.namespace, kube_context=kube.context)
     say(
-        "RoboVAST is removed. Campaigns and their resource definitions stay; `kubectl delete crd "
-        "campaigns.robovast.io configurations.robovast.io` removes them, too."
+        "RoboVAST was deleted. Campaigns and CRDs are kept. To delete them, run `kubectl delete "
+        "crd campaigns.robovast.io configurations.robovast.io`."
     )
 
 
@@ -104,14 +104,14 @@ def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: st
     values = _external_secret(config) | _kueue(config, is_there=False, context=None)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / "values.yaml").is_file():
-            raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
+            raise StorageError(f"{output} contains other files. Choose a new or empty folder.")
         output.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(output / RELEASE, ignore_errors=True)
         shutil.copytree(chart_folder(), output / RELEASE)
         (output / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
         config.prepare_setup_cluster(str(output), namespace=namespace, **given)
         (output / "README.md").write_text(_readme(name, config, namespace), encoding="utf-8")
-    say(f"Go on with {output / 'README.md'}.")
+    say(f"Next: follow {output / 'README.md'}.")
 
 
 def _config(
@@ -128,7 +128,7 @@ def _config(
 def _pair(option: str) -> tuple[str, str]:
     key, separator, value = option.partition("=")
     if not separator or not key:
-        raise InputError(f"`--option {option}`: write it as KEY=VALUE.")
+        raise InputError(f"`--option {option}` is not of the form KEY=VALUE.")
     return key, value
 
 
@@ -150,8 +150,8 @@ def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
     if description and description.startswith(_BY) and before != name and not force:
         raise CannotRunError(
             f"RoboVAST is installed in this cluster with the cluster configuration `{before}`. "
-            f"`--force` sets it up with `{name}`; results that are in its storage are then out of "
-            "reach."
+            f"`--force` installs `{name}` instead, but results in the current storage are then "
+            "not accessible."
         )
 
 
@@ -163,8 +163,8 @@ def _refuse_running(kube: Kubernetes, *, force: bool) -> None:
     running = [campaign.name for campaign in campaigns if not campaign.finished]
     if running and not force:
         raise CannotRunError(
-            f"campaigns are not finished: {', '.join(running)}. Wait for them, or use `--force`: "
-            "they go on when RoboVAST is installed again."
+            f"campaigns are not finished: {', '.join(running)}. Wait for them, or use `--force`. "
+            "They continue when RoboVAST is installed again."
         )
 
 
@@ -177,7 +177,7 @@ def _values(config: BaseConfig, kube: Kubernetes) -> dict[str, Any]:
         storage["credentials"] = {"accessKey": access, "secretKey": secret}
     if not config.uses_embedded_s3() and "credentials" not in storage:
         raise InputError(
-            f"the S3 server {config.get_s3_endpoint()} needs credentials: set "
+            f"the S3 server {config.get_s3_endpoint()} needs credentials. Set "
             "$ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_SECRET_KEY, or name a Secret with "
             "`-o s3_secret=NAME`."
         )
@@ -197,7 +197,7 @@ def _external_secret(config: BaseConfig) -> dict[str, Any]:
 def _kueue(config: BaseConfig, *, is_there: bool, context: str | None) -> dict[str, Any]:
     wanted = config.options.get("kueue", "auto")
     if wanted not in {"auto", "true", "false"}:
-        raise InputError(f"kueue: `{wanted}` is none of auto, true, false.")
+        raise InputError(f"kueue must be one of auto, true, false, not `{wanted}`.")
     if wanted == "false" or (wanted == "auto" and not is_there):
         return {"kueue": {"enabled": False}}
     cores, memory = config.get_cluster_allocatable_resources(context)
@@ -208,7 +208,7 @@ def _kueue(config: BaseConfig, *, is_there: bool, context: str | None) -> dict[s
 _README = """\
 # RoboVAST on a cluster ({name})
 
-`values.yaml` is what this cluster needs of the chart in `robovast/`.
+`values.yaml` contains the values of the chart in `robovast/` for this cluster.
 
 {notes}{secret}
 ```bash
@@ -217,7 +217,7 @@ helm upgrade robovast ./robovast --install --namespace {namespace} --create-name
 vast exec cluster run
 ```
 
-Remove it:
+Remove RoboVAST:
 
 ```bash
 helm uninstall robovast --namespace {namespace}
@@ -225,8 +225,8 @@ helm uninstall robovast --namespace {namespace}
 """
 
 _CREDENTIALS = """
-The S3 server's credentials stand in no file here. Write each key into a file of its own, and make
-the Secret that the chart expects:
+The credentials of the S3 server are not in this folder. Write each key to a separate file, and
+create the Secret that the chart expects:
 
 ```bash
 kubectl create secret generic {secret} --namespace {namespace} \\

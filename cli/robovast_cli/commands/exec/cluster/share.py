@@ -56,7 +56,7 @@ def upload_to_share(
                 for results in _chosen(kube, known, names):
                     uploads.upload(_told_apart(results, known))
             except KeyboardInterrupt:
-                say("\nNo longer followed: an upload that has begun goes on in the cluster.")
+                say("\nDisplay stopped. A started upload continues in the cluster.")
                 return ExitCode.INTERRUPTED
     if uploads.errors:
         raise type(uploads.errors[0])("\n".join(map(str, uploads.errors)))
@@ -79,7 +79,7 @@ class _Uploads:
         """Upload results, unless they are on the share."""
         name = results.name
         if not self._how.force and self._is_there(name):
-            say(f"{name}: is on the share; `--force` replaces it.")
+            say(f"{name}: exists on the file share; `--force` replaces it.")
             return
         try:
             self._upload(results)
@@ -99,9 +99,9 @@ class _Uploads:
             scheduling=owner.scheduling if owner else Scheduling(),
         )
         if not start(kube, upload, self._variables):
-            say(f"{name}: another upload of it is in progress.")
+            say(f"{name}: another upload is in progress.")
         if self._how.detach:
-            say(f"{name}: is being uploaded. Its log: {log_command(kube, upload.job)}")
+            say(f"{name}: upload started. Log: {log_command(kube, upload.job)}")
             return
         follow(kube, upload.job, name, lambda line: say(f"{name}: {line}"))
         with suppress(CannotRunError):  # who may not delete it leaves that to its time to live
@@ -111,7 +111,7 @@ class _Uploads:
         try:
             return self._share.has(name)
         except RobovastError as error:
-            say(f"{name}: whether it is on the share is not known, so it is uploaded. {error}")
+            say(f"{name}: cannot check the file share, so the campaign is uploaded. {error}")
             return False
 
 
@@ -127,20 +127,20 @@ def _chosen(
         campaign = lookup(known, name)
         if campaign is not None and not campaign.finished:
             raise InputError(
-                f"{name}: is not finished; its state is {campaign.status.state}. `vast exec "
-                "cluster monitor` shows how far it is."
+                f"{name} is not finished; its state is {campaign.status.state}. `vast exec cluster "
+                "monitor` shows its progress."
             )
     if names:
         return [named_results(kube, known, name) for name in dict.fromkeys(names)]
     stored = [campaign for campaign in known if campaign.finished and campaign.bucket]
     for campaign in known:
         if not campaign.finished:
-            say(f"{campaign.name}: is not finished, and not uploaded.")
+            say(f"{campaign.name}: skipped, because it is not finished.")
     if not stored:
         raise InputError(
             f"no campaign in the namespace {kube.namespace} is finished and has results. "
-            "`--namespace` chooses another one, `--campaign` also finds results whose Campaign was "
-            "removed."
+            "`--namespace` selects another namespace; `--campaign` also finds results of deleted "
+            "Campaigns."
         )
     return [results_of(campaign) for campaign in stored]
 
@@ -157,7 +157,7 @@ def _agent_image(kube: Kubernetes) -> str:
     image = agent_image(reversed(kube.jobs({MANAGED_LABEL: MANAGED_BY})))
     if image is None:
         raise CannotRunError(
-            "it is not known which image of RoboVAST's agent this cluster uses: no Job of a "
-            f"campaign is left in the namespace {kube.namespace}. Name it with `--image`."
+            "cannot determine the agent image of this cluster: no Job of a campaign is left in "
+            f"the namespace {kube.namespace}. Set it with `--image`."
         )
     return image

@@ -42,7 +42,7 @@ def start(kube: Kubernetes, upload: Upload, variables: Mapping[str, str]) -> boo
     secret = f"{upload.job}-{secrets.token_hex(4)}"
     try:
         job = kube.create_job(share_job(upload, secret))
-    except ConflictError:  # somebody else was faster
+    except ConflictError:  # another client was faster
         return False
     try:
         kube.create_secret(share_secret(job, secret, variables))
@@ -70,7 +70,7 @@ def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None
         with suppress(UnreachableError):
             found = kube.job(job)
             if found is None:
-                raise CannotRunError(f"{campaign}: the Job {job} was deleted meanwhile.")
+                raise CannotRunError(f"{campaign}: the Job {job} was deleted during the upload.")
             pods = kube.pods({JOB_LABEL: job})
             line = _news(kube, pods[-1]) if pods else ""
             if line and line != shown:
@@ -94,7 +94,7 @@ def _failure(kube: Kubernetes, job: Json, pods: list[Json], campaign: str) -> Ro
     ends = [end for pod in reversed(pods) for end in _ends(pod)]
     told = next((end for end in ends if end.get("message")), None)
     reasons = (item.get("message", "") for item in job["status"]["conditions"])
-    message = told["message"] if told else next(filter(None, reasons), "it does not say why.")
+    message = told["message"] if told else next(filter(None, reasons), "no reason was reported.")
     kind = InputError if told and told.get("exitCode") == AgentExit.BAD_DOCUMENT else StorageError
     return kind(
         f"{campaign} was not uploaded: {str(message).strip()}\n    Its log: "
@@ -119,11 +119,11 @@ def _waits(pod: Json) -> Iterator[str]:
     status = pod.get("status", {})
     for condition in status.get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
-            yield f"its pod waits: {condition.get('message') or condition.get('reason')}"
+            yield f"its pod is pending: {condition.get('message') or condition.get('reason')}"
     for container in status.get("containerStatuses") or ():
         waiting = container["state"].get("waiting") or {}
         if waiting.get("message"):
-            yield f"its pod waits: {waiting.get('reason')}: {waiting['message']}"
+            yield f"its pod is pending: {waiting.get('reason')}: {waiting['message']}"
 
 
 def _ends(pod: Json) -> Iterator[Json]:
@@ -149,6 +149,6 @@ def _remove(kube: Kubernetes, name: str) -> None:
     kube.delete_job(name)
     if not wait_until(lambda: kube.job(name) is None, PATIENCE, INTERVAL):
         raise CannotRunError(
-            f"an earlier Job {name} is marked for removal, but does not go. Look at `kubectl "
-            f"--namespace {kube.namespace} describe job {name}`, then repeat the command."
+            f"an earlier Job {name} is marked for deletion, but still exists. Check `kubectl "
+            f"--namespace {kube.namespace} describe job {name}`, then run the command again."
         )

@@ -32,9 +32,9 @@ def share_of(environment: Mapping[str, str]) -> dict[str, str]:
 
 def begin(kube: Kubernetes, campaign: Mapping[str, Any], variables: Mapping[str, str]) -> None:
     """Create the Secret of a Campaign whose results go to a share."""
-    without = "The results will not go to the share"
+    without = "The results will not be uploaded to the file share"
     if variables and create_secret(kube, campaign, SUFFIX, variables, without):
-        say(f"Its results go to the share `{variables[SHARE_TYPE]}` when they are complete.")
+        say(f"Its results are uploaded to the file share `{variables[SHARE_TYPE]}` at the end.")
 
 
 def with_share(campaign: Json, variables: Mapping[str, str]) -> Json:

@@ -1,4 +1,4 @@
-"""`vast exec cluster shell`: a shell beside a run that is executed."""
+"""`vast exec cluster shell`: a shell in the container of a running run."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ def shell(
     """
     campaign, run = campaign_and_run(words)
     if shutil.which("kubectl") is None:
-        raise CannotRunError("`kubectl`, which opens the shell, is not here: install it.")
+        raise CannotRunError("`kubectl`, which opens the shell, is not installed.")
     container = secondary or RUN
     with opened_runs(context, namespace, campaign) as (kube, runs):
         executor = runs.executor(run)
         if executor is None:
             logs = " ".join(["vast exec cluster logs", *words]) + kube.given
             raise CannotRunError(
-                f"{run} is not executed now. `{logs}` says why it waits, or what it did."
+                f"{run} is not running. `{logs}` prints its log, or why it is pending."
             )
         check_container(executor.pod, container)
         if not has_begun(executor.pod, container):
-            raise CannotRunError(f"{run} is not executed yet: {waiting_reason(executor.pod)}.")
+            raise CannotRunError(f"{run} is not running yet: {waiting_reason(executor.pod)}.")
         where = ["--context", kube.context] if kube.context else []
         where += ["--namespace", kube.namespace]
     terminal = "--stdin --tty" if sys.stdin.isatty() and sys.stdout.isatty() else "--stdin"
