@@ -86,8 +86,8 @@ def test_what_is_left_is_needed_and_runs_again(tmp_path: Path) -> None:
     assert found["end"] == "minimal"
     assert [step["changes"] for step in found["steps"]] == STEPS
     assert {step["runs"] for step in found["steps"]} == {2}
-    (line,) = (line for line in said.splitlines() if line.startswith("Run it: vast "))
-    again = [VAST, *line.removeprefix("Run it: vast ").split()]
+    (line,) = (line for line in said.splitlines() if line.startswith("Reproduce: vast "))
+    again = [VAST, *line.removeprefix("Reproduce: vast ").split()]
     done = subprocess.run(again, cwd=failing.parents[2], capture_output=True, text=True)
     assert (done.returncode, "same verdict (failed)" in done.stdout) == (0, True)
 
