@@ -270,7 +270,9 @@ def test_a_cell_has_the_command_that_runs_its_configurations_more_often(
         record = root / "_execution" / "execution.yaml"
         record.write_text(f"{record.read_text()}more_runs: {{hall-3: 4}}\nruns_added: true\n")
         write_run(root, "hall-3", 3, 12, values[2], lambda *_: "failed")
-        expect(page.locator(".beside")).to_contain_text("Runs were added after a look")
+        expect(page.locator(".beside")).to_contain_text(
+            "Runs were added after the verdicts were visible"
+        )
         expect(page.locator(".run-more")).not_to_contain_text("make the intervals of all")
         page.screenshot(path=tmp_path / "wider.png", full_page=True)
 
@@ -953,8 +955,8 @@ def test_a_comparison_says_what_got_worse(page: Page, server: ShownPage) -> None
     page.get_by_label(f"Compare {NAME}").check()
     page.get_by_label(f"Compare {LATER}").check()
     page.get_by_role("link", name="Compare").click()
-    expect(page.locator(".statement")).to_contain_text("did not pass rose, from ")
-    expect(page.locator(".statement")).to_contain_text("chance alone hardly explains that")
+    expect(page.locator(".statement")).to_contain_text("unsuccessful runs rose from ")
+    expect(page.locator(".statement")).to_contain_text("chance alone hardly explains it")
     expect(page.locator("tr[data-row]")).to_have_count(len(VARIANTS))
 
 
@@ -971,7 +973,7 @@ def test_several_campaigns_are_compared_with_the_oldest(page: Page, server: Show
     page.get_by_text("After 2").click()
     page.get_by_role("checkbox", name=LATER).uncheck()
     page.keyboard.press("Escape")
-    expect(page.locator(".statement")).to_contain_text("The share of runs that did not pass")
+    expect(page.locator(".statement")).to_contain_text("The rate of unsuccessful runs")
     page.go_back()
     expect(page.get_by_role("heading", level=1)).to_have_text("Campaigns")
 

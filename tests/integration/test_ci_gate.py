@@ -49,7 +49,7 @@ def test_the_first_gate_passes_and_the_next_one_compares_with_it(project: Path) 
     asked = gate(project, "growth_sim.vast", "base", "next", "--fail-on", "unclear", *run)
     assert asked.returncode == 6, asked.stderr
     comment = (project / "next/gate.md").read_text()
-    assert comment.startswith("### no difference found; too few runs to rule out a rise")
+    assert comment.startswith("### unclear: no difference, but too few runs to exclude a rise")
     assert (project / "next/gate.xml").is_file()
 
 

@@ -28,7 +28,7 @@ def test_a_failure_is_replayed_minimised_and_mended(tmp_path: Path) -> None:
     )
     said = done.stdout
     assert done.returncode == 0, said + done.stderr
-    assert "100 % of the runs did not pass (95 % interval 68 – 100 %)" in said
+    assert "100 % of the runs were unsuccessful (95 % interval 68 – 100 %)" in said
     assert "flat-1-1-2-1-1/0 (seed 671464248): same verdict (failed), same outcome.csv." in said
     assert "obstacles  1 of 1 items        0 items\nmargin     0.05          0.02  0.05\n" in said
     gate = next(block for block in code_blocks(PAGE, "text") if "better" in block)

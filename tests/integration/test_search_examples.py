@@ -68,7 +68,11 @@ def test_pictures_of_a_search_and_what_cannot_be_drawn(tmp_path: Path) -> None:
     assert encoded(figure, Path("map.png")).startswith(b"\x89PNG")
     assert b"<svg" in encoded(draw_progress(stored), Path("progress.SVG"))
     for over, fixed, message in (
-        (["mass", "gian"], {}, "`gian` is no dimension of the search space. Did you mean `gain`?"),
+        (
+            ["mass", "gian"],
+            {},
+            "`gian` is not a dimension of the search space. Did you mean `gain`?",
+        ),
         (["mass", "mass"], {}, "two different dimensions"),
         (["mass"], {}, "two different dimensions"),
         ([], {"wind": 99.0}, "wind = 99.0 is not in the search space"),

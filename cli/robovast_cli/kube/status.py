@@ -236,7 +236,7 @@ class CampaignState:
 def _found(search: SearchStatus) -> Iterator[str]:
     """Why a search ended, and its best value; failed runs are what it looks for."""
     if search.stop_reason:
-        yield f"The search ended: {printable(search.stop_reason)}."
+        yield f"The search stopped: {printable(search.stop_reason)}."
     if search.best:
         yield f"Best: {printable(search.best)}"
 

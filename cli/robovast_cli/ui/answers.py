@@ -21,7 +21,7 @@ Format = Literal["table", "csv", "json"]
 
 def print_query_names() -> None:
     """Print the names of the package's queries."""
-    sys.stdout.write(format_table(["NAME", "ANSWER"], query_names().items()))
+    sys.stdout.write(format_table(["NAME", "DESCRIPTION"], query_names().items()))
 
 
 def print_answer(query: str, campaigns: Sequence[Path], output: Format) -> None:

@@ -24,9 +24,17 @@ Format = Literal["text", "json"]
 CHANGES = ("worse", "unclear", "better", "same")
 """In the order of tables."""
 MOST_ROWS = 30
-"""Most configurations in a text; those that did not change are left out of it."""
+"""Maximum number of configurations in a text, which omits unchanged ones."""
 
-COLUMNS = ["CHANGE", "CONFIGURATION", "BEFORE", "AFTER", "POINTS (95 %)", "P", "MORE RUNS"]
+COLUMNS = [
+    "CHANGE",
+    "CONFIGURATION",
+    "BEFORE",
+    "AFTER",
+    "PERCENTAGE POINTS (95 %)",
+    "P-VALUE",
+    "MORE RUNS",
+]
 
 
 def print_comparison(base: str, new: str, found: Comparison, output: Format) -> None:
@@ -35,7 +43,7 @@ def print_comparison(base: str, new: str, found: Comparison, output: Format) -> 
 
 
 def exit_code(found: Comparison, fail_on: str) -> ExitCode:
-    """What a comparison means for a pipeline."""
+    """Return the exit code of a comparison."""
     if found.result == "worse":
         return ExitCode.TEST_FAILED
     return ExitCode.UNCLEAR if found.result == fail_on == "unclear" else ExitCode.OK
@@ -46,7 +54,7 @@ def markdown_text(base: str, new: str, found: Comparison) -> str:
     lines = [
         f"### {headline(found)}",
         "",
-        f"`{new}` beside `{base}`: {found.statement}",
+        f"`{new}` compared with `{base}`: {found.statement}",
         "",
         sentence(found),
     ]
@@ -58,12 +66,12 @@ def markdown_text(base: str, new: str, found: Comparison) -> str:
 
 
 def junit_report(base: str, new: str, found: Comparison) -> str:
-    """A report with a case for all together and one for each configuration."""
-    return report_text(f"{new} beside {base}", [suite("comparison", found)])
+    """Return a report with a case for all configurations together and one for each."""
+    return report_text(f"{new} compared with {base}", [suite("comparison", found)])
 
 
 def suite(name: str, found: Comparison) -> Suite:
-    """A case for all together and one for each configuration."""
+    """Return a case for all configurations together and one for each."""
     everything = Case("all configurations", _outcome(found.change), found.statement)
     cases = [
         Case(
@@ -96,7 +104,7 @@ def _text(base: str, new: str, found: Comparison) -> str:
     table = (
         format_table(COLUMNS, map(difference_row, changed[:MOST_ROWS])) + "\n" if changed else ""
     )
-    lines = [f"{new} beside {base}: {headline(found)}", found.statement, sentence(found)]
+    lines = [f"{new} compared with {base}: {headline(found)}", found.statement, sentence(found)]
     return table + "\n".join([*lines, *notes(found)]) + "\n"
 
 
@@ -111,34 +119,36 @@ def headline(found: Comparison) -> str:
         case "same":
             return "no difference" if equal else f"not worse by {rise} or more"
         case _ if equal:
-            return f"no difference found; too few runs to rule out a rise by {rise}"
+            return f"unclear: no difference, but too few runs to exclude a rise by {rise}"
         case _:
             before, now = (percent(side.rate) for side in (found.overall.a, found.overall.b))
             if before == now:
                 return "unclear: no change in total, but configurations differ"
             verb = "rose" if found.overall.b.rate > found.overall.a.rate else "fell"
-            return f"unclear: it {verb} from {before} to {now}, but chance can explain that"
+            change = f"the rate {verb} from {before} to {now}"
+            return f"unclear: {change}, but chance can explain the change"
 
 
 def sentence(found: Comparison) -> str:
-    """How many configurations changed, and what would decide about them."""
+    """Count the configurations by change, and state the runs that would give a decision."""
     counts = Counter(variant.change for variant in found.variants)
-    told = ", ".join(f"{counts[change]} {change}" for change in CHANGES)
-    text = f"{counted(len(found.variants), 'configuration')} in both: {told}."
+    changes = ", ".join(f"{counts[change]} {change}" for change in CHANGES)
+    text = f"{counted(len(found.variants), 'configuration')} in both: {changes}."
     if found.change != "unclear":
         return text
     more = _more(found.more_runs)
-    return f"{text} {more} more runs of both campaigns would decide it, if they go as before."
+    needed = f"{more} more runs of both campaigns would give a decision"
+    return f"{text} {needed} if the rates stay the same."
 
 
 def notes(found: Comparison) -> Iterable[str]:
-    """What tables leave out."""
+    """Describe the configurations that the tables omit."""
     changed = len(changed_variants(found))
     if changed > MOST_ROWS:
-        yield f"{changed - MOST_ROWS} more configurations are worse, unclear or better (JSON)."
-    for names, where in ((found.only_a, "before"), (found.only_b, "after")):
+        yield f"{changed - MOST_ROWS} more configurations changed. The JSON output lists them."
+    for names, where in ((found.only_a, "baseline"), (found.only_b, "new campaign")):
         if names:
-            yield f"{counted(len(names), 'configuration')} only {where}: not compared."
+            yield f"{counted(len(names), 'configuration')} only in the {where}, not compared."
 
 
 def changed_variants(found: Comparison) -> list[VariantDifference]:
@@ -170,5 +180,5 @@ def _more(runs: int | None) -> str:
 
 
 def share_text(sample: Sample) -> str:
-    """How many runs did not pass: `15 of 20`."""
+    """Count the unsuccessful runs: `15 of 20`."""
     return f"{sample.bad} of {sample.runs}"

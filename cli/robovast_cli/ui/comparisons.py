@@ -1,4 +1,4 @@
-"""Campaigns beside one baseline: a row for each configuration, a column for each campaign."""
+"""Campaigns and their baseline: a row for each configuration, a column for each campaign."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Compared = Sequence[tuple[str, Comparison]]
 """Each campaign's name, and how it differs from the baseline."""
 
 _SIGNS = {"worse": " ▲", "better": " ▼", "unclear": " ?", "same": ""}
-_KEY = "▲ worse, ▼ better, ? unclear; runs that did not pass"
+_KEY = "Unsuccessful runs: ▲ worse, ▼ better, ? unclear"
 
 
 def print_comparisons(base: str, found: Compared, output: Format) -> None:
@@ -43,7 +43,7 @@ def print_comparisons(base: str, found: Compared, output: Format) -> None:
 
 
 def exit_code_of_all(found: Compared, fail_on: str) -> ExitCode:
-    """What the worst of the comparisons means for a pipeline."""
+    """Return the exit code of the worst comparison."""
     codes = {exit_code(one, fail_on) for _, one in found}
     ordered = (ExitCode.TEST_FAILED, ExitCode.UNCLEAR)
     return next((one for one in ordered if one in codes), ExitCode.OK)
@@ -55,7 +55,7 @@ def markdown_of_all(base: str, found: Compared) -> str:
         return markdown_text(base, *found[0])
     columns, rows, left = _table(base, found)
     lines = [
-        "### Several campaigns beside one",
+        f"### {len(found)} campaigns compared with {code(base)}",
         "",
         *(f"- {code(new)}: {headline(one)}" for new, one in found),
         "",
@@ -71,7 +71,7 @@ def junit_of_all(base: str, found: Compared) -> str:
     """A report with a suite for each campaign."""
     if len(found) == 1:
         return junit_report(base, *found[0])
-    return report_text(f"beside {base}", [suite(new, one) for new, one in found])
+    return report_text(f"compared with {base}", [suite(new, one) for new, one in found])
 
 
 def _json(base: str, found: Compared) -> str:
@@ -82,20 +82,20 @@ def _json(base: str, found: Compared) -> str:
 def _text(base: str, found: Compared) -> str:
     columns, rows, left = _table(base, found)
     table = f"{format_table(columns, rows)}\n{_KEY}\n\n" if rows else ""
-    told = [f"{new} beside {base}: {headline(one)}\n{one.statement}" for new, one in found]
-    return table + "\n".join([*told, *left, _caution(base, len(found))]) + "\n"
+    lines = [f"{new} compared with {base}: {headline(one)}\n{one.statement}" for new, one in found]
+    return table + "\n".join([*lines, *left, _caution(base, len(found))]) + "\n"
 
 
 def _caution(base: str, number: int) -> str:
     chance = percent(1 - (1 - LEVEL) ** number)
     return (
-        f"Each is compared with {base} by itself: chance alone calls at least one of {number} "
-        f"worse in up to {chance} of all cases."
+        f"Each campaign is compared with {base} separately. Chance alone makes at least one of "
+        f"{number} campaigns worse in up to {chance} of all cases."
     )
 
 
 def _table(base: str, found: Compared) -> tuple[list[str], list[list[str]], list[str]]:
-    """Columns, rows of configurations that changed in any campaign, and what is left out.
+    """Columns, rows of configurations that changed in any campaign, and omitted rows.
 
     Rows are in the order of `CHANGES`, by the first change of each; a configuration has the name
     that it has in the baseline.
@@ -111,7 +111,7 @@ def _table(base: str, found: Compared) -> tuple[list[str], list[list[str]], list
     return (
         ["CONFIGURATION", base, *(new for new, _ in found)],
         [[name, *_cells(row)] for _, name, row in changed[:MOST_ROWS]],
-        [f"{left} more configurations are worse, unclear or better (JSON)."] if left > 0 else [],
+        [f"{left} more configurations changed. The JSON output lists them."] if left > 0 else [],
     )
 
 

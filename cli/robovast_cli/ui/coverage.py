@@ -1,4 +1,4 @@
-"""What a campaign covers, as text, and the document that runs what it does not."""
+"""Coverage of a campaign as text, and the .vast file that runs the coverage gaps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robovast_cli.ui.table import WIDEST_CELL, format_table, shortened
 
 
 def coverage_text(entries: Sequence[EntryCoverage], most: int) -> str:
-    """What was run of each entry.
+    """Describe the coverage of each entry.
 
     Args:
         entries: the coverage of each.
@@ -34,13 +34,13 @@ def _entry(found: EntryCoverage, most: int) -> Iterator[str]:
     bad = found.bad_pairs()
     if bad:
         rows = map(_row, bad[: most or None])
-        yield format_table(["PAIR", "NOT PASSED", "RATE", "95 % INTERVAL"], rows)
+        yield format_table(["PAIR", "UNSUCCESSFUL", "RATE", "95 % INTERVAL"], rows)
         yield _more(len(bad), most)
     holes = found.holes()
     if holes:
         yield "\n" if bad else ""
         yield format_table(
-            ["NEVER RUN"], [[shortened(hole, WIDEST_CELL)] for hole in holes[: most or None]]
+            ["COVERAGE GAP"], [[shortened(hole, WIDEST_CELL)] for hole in holes[: most or None]]
         )
         yield _more(len(holes), most)
 
@@ -56,21 +56,23 @@ def _more(count: int, most: int) -> str:
 
 
 def holes_text(document: Document, entries: Sequence[EntryCoverage]) -> tuple[str, int]:
-    """A document whose configurations run each pair that was never run, and their number.
+    """Return a document whose configurations run each missing pair, and their number.
 
     Raises:
-        InputError: there is none, or the pairs are of drawn values or of generated files.
+        InputError: no pair is missing, or values are random, or files are generated.
     """
     made: list[dict[str, Any]] = []
     for found in entries:
         rows = completing(found.counts, found.sizes)
         if rows and any(axis.drawn for axis in found.axes):
             raise InputError(
-                f"`{found.entry.name}` draws values: raise their number in the .vast file instead."
+                f"`{found.entry.name}` has random values. Increase their number in the .vast file."
             )
         variants = expand_rows(document, found.entry, rows) if rows else []
         if any(variant.files for variant in variants):
-            raise InputError(f"`{found.entry.name}` makes files, which no .vast file can list.")
+            raise InputError(
+                f"`{found.entry.name}` generates files, which a .vast file cannot list."
+            )
         made += [
             {
                 "name": variant.name,
@@ -79,5 +81,5 @@ def holes_text(document: Document, entries: Sequence[EntryCoverage]) -> tuple[st
             for variant in variants
         ]
     if not made:
-        raise InputError("every pair of values was run: there are no holes.")
+        raise InputError("no coverage gaps: every pair of values was run.")
     return dump_yaml({**document.source.data, "configuration": made}), len(made)

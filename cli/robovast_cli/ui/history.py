@@ -16,9 +16,9 @@ from robovast_cli.ui.table import WIDEST_REASON, format_table, shortened
 
 Format = Literal["text", "json"]
 
-_COLUMNS = ["STARTED", "", "NOT PASSED", "RATE", "95 % INTERVAL", "CHANGED", "CAMPAIGN", "REASON"]
+_COLUMNS = ["STARTED", "", "UNSUCCESSFUL", "RATE", "95 % INTERVAL", "CHANGED", "CAMPAIGN", "REASON"]
 _ALL, _SOME, _NONE = "○◐●"
-"""How many runs passed; as on the page, a dot is filled as far as they did not."""
+"""As in the web UI, a dot is filled in proportion to the unsuccessful runs."""
 
 
 def print_history(name: str, found: History, output: Format) -> None:
@@ -37,11 +37,11 @@ def _text(name: str, found: History) -> str:
     noun = "campaign" if len(found.entries) == 1 else "campaigns"
     lines = [
         f"{name}  {dots}  in {len(found.entries)} {noun}",
-        f"{_ALL} all passed, {_SOME} some did not, {_NONE} none passed",
+        f"{_ALL} all passed, {_SOME} some passed, {_NONE} none passed",
     ]
     if found.others:
         noun = "campaign" if len(found.others) == 1 else "campaigns"
-        lines.append(f"In {len(found.others)} other {noun} {name} has other parameters.")
+        lines.append(f"In {len(found.others)} other {noun}, {name} has other parameters.")
     return "\n".join([f"{table}", *lines]) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""What a search found, in a few lines."""
+"""Results of a search in a few lines."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from robovast.search.types import Evaluation
 
 
 def search_lines(summary: SearchSummary) -> Iterator[str]:
-    """Why a search ended, and its best set; failed runs are what it looks for."""
+    """Describe why a search stopped, and its best set; a search looks for failed runs."""
     if summary.stop is not None:
-        yield f"The search ended: {summary.stop.reason}."
+        yield f"The search stopped: {summary.stop.reason}."
     if summary.errors:
         yield (
             f"{len(summary.errors)} of {summary.sets} parameter sets were skipped because their "

@@ -1,4 +1,4 @@
-"""How a campaign went, as text or JSON."""
+"""Failure rates, causes and factors of a campaign as text or JSON."""
 
 from __future__ import annotations
 
@@ -29,39 +29,39 @@ from robovast_cli.ui.table import WIDEST_CELL, WIDEST_REASON, format_table, shor
 
 Format = Literal["text", "json"]
 
-COLUMNS = ["CONFIGURATION", "STATE", "NOT PASSED", "RATE", "95 % INTERVAL", "MORE RUNS", "REASON"]
-_CAUSE_COLUMNS = ["RUNS", "CAUSE", "VERDICT", "FIRST"]
+COLUMNS = ["CONFIGURATION", "STATE", "UNSUCCESSFUL", "RATE", "95 % INTERVAL", "MORE RUNS", "REASON"]
+CAUSE_COLUMNS = ["RUNS", "CAUSE", "VERDICT", "FIRST RUN"]
 EFFECT_COLUMNS = [
     "FACTOR",
-    "WORSE WHERE",
-    "NOT PASSED",
-    "OTHERWISE",
-    "DIFFERENCE (95 %)",
-    "BY CHANCE",
+    "WORSE IF",
+    "UNSUCCESSFUL",
+    "ELSEWHERE",
+    "PERCENTAGE POINTS (95 %)",
+    "P-VALUE",
 ]
 CHANCE = "No factor explains the failures better than chance.\n"
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What is known of a campaign."""
+    """Rates, causes and effects of a campaign."""
 
     results: Path | None
     """The results folder; None if the campaign is in a bucket."""
     rates: CampaignRates
     causes: Sequence[FailureGroup[str]]
-    """Runs that did not pass, by cause."""
+    """Unsuccessful runs, by cause."""
     effects: Sequence[Effect]
     batches: Sequence[str] = ()
-    """Of a search: arguments of the command that lets it go on."""
+    """Arguments of the command that resumes a search."""
 
 
 def print_summary(findings: Findings, output: Format, worst: int) -> None:
-    """Print how a campaign went.
+    """Print the summary of a campaign.
 
     Args:
-        findings: what is known of the campaign.
-        output: how.
+        findings: rates, causes and effects of the campaign.
+        output: format.
         worst: number of configurations, and of causes, in the text; 0 means all.
     """
     say_data(_json(findings) if output == "json" else _text(findings, worst))
@@ -100,18 +100,19 @@ def _text(findings: Findings, worst: int) -> str:
 
 
 def _remedy(findings: Findings) -> str:
-    """How to continue the campaign, or which further runs tell the most."""
+    """Return the command that resumes the campaign, or adds the most useful runs."""
     command = as_shell(_next(findings))
     if not command:
         return ""
     summary, nearest = findings.rates.summary, soonest_decided(findings.rates)
     if summary.is_search or summary.state != "finished" or nearest is None:
         return f"Continue: {command}\n"
-    return f"{nearest.name} is decided soonest, by {nearest.more_runs} more runs: {command}\n"
+    needed = f"needs the fewest runs for a decision ({nearest.more_runs} more)"
+    return f"{nearest.name} {needed}: {command}\n"
 
 
 def _next(findings: Findings) -> Sequence[str]:
-    """Arguments of the command that executes what is missing, else what decides the soonest."""
+    """Return the command for missing runs, or for the fewest runs that give a decision."""
     summary, nearest = findings.rates.summary, soonest_decided(findings.rates)
     if findings.results is None or summary.is_search:
         return findings.batches
@@ -119,8 +120,8 @@ def _next(findings: Findings) -> Sequence[str]:
         return resume_words(findings.results, summary)
     if nearest is None:
         return []
-    in_all = nearest.rate.runs + (nearest.more_runs or 0)
-    return more_runs_words(findings.results, summary, [nearest.name], in_all)
+    total = nearest.rate.runs + (nearest.more_runs or 0)
+    return more_runs_words(findings.results, summary, [nearest.name], total)
 
 
 def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
@@ -138,11 +139,11 @@ def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
     ]
     left = len(causes) - len(shown)
     more = f"… and {left} more causes (`--worst 0` shows all)\n" if left else ""
-    return f"{format_table(_CAUSE_COLUMNS, rows)}{more}\n"
+    return f"{format_table(CAUSE_COLUMNS, rows)}{more}\n"
 
 
 def _effects(findings: Findings) -> str:
-    """The factors that explain failures; chance explains the others."""
+    """Return the table of factors with a p-value below 5 %."""
     clear = clear_effects(findings.effects)
     if clear:
         return f"{format_table(EFFECT_COLUMNS, map(effect_row, clear))}\n"
@@ -150,7 +151,7 @@ def _effects(findings: Findings) -> str:
 
 
 def clear_effects(effects: Iterable[Effect]) -> list[Effect]:
-    """Those that chance hardly explains."""
+    """Return the effects with a p-value below 5 %."""
     return [effect for effect in effects if effect.p < LEVEL]
 
 
@@ -161,7 +162,7 @@ def effect_row(effect: Effect) -> list[str]:
         shortened(effect.worse.condition, WIDEST_CELL),
         _side(effect.worse),
         _side(effect.better),
-        f"{100 * effect.low:+.0f} to {100 * effect.high:+.0f} points",
+        f"{100 * effect.low:+.0f} to {100 * effect.high:+.0f}",
         f"{effect.p:.1g}",
     ]
 
@@ -198,7 +199,7 @@ def _more_runs(variant: VariantRate) -> str:
 
 
 def counts_text(rates: CampaignRates) -> str:
-    """How many configurations and runs there are of each kind, and how many runs did not pass."""
+    """Count configurations by state and runs by verdict, and state the overall rate."""
     summary = rates.summary
     stored = sum(summary.counts.values())
     verdicts = ", ".join(f"{summary.counts[verdict]} {verdict}" for verdict in Verdict)
@@ -220,11 +221,11 @@ def _measure(rates: CampaignRates) -> str:
     """Describe the rule that classifies configurations as passing or failing."""
     test = rates.summary.test
     if test is None:
-        return f"limit {percent(rates.limit)} of the runs"
+        return f"threshold {percent(rates.limit)}"
     rule = test.rule
     return (
-        f"decided between {percent(rule.good)} and {percent(rule.bad)}, each wrong in at most "
-        f"{percent(rule.error)} of all cases"
+        f"sequential test between {percent(rule.good)} and {percent(rule.bad)}, "
+        f"error at most {percent(rule.error)}"
     )
 
 
@@ -240,7 +241,7 @@ def _overall(rate: Rate) -> str:
     if rate.rate is None:
         return "No run has a verdict."
     return (
-        f"{percent(rate.rate)} of the runs did not pass "
+        f"{percent(rate.rate)} of the runs were unsuccessful "
         f"(95 % interval {interval_text(rate.interval)})"
     )
 

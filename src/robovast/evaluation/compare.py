@@ -211,16 +211,16 @@ def state(found: Difference) -> str:
     """Describe a difference in words."""
     a, b = found.a, found.b
     if not a.runs or not b.runs:
-        return "Nothing can be compared: the campaigns share no variant with runs in both."
+        return "The campaigns cannot be compared, because no configuration has runs in both."
     if found.low == found.high:
-        return f"No difference: both have the same {b.runs} runs, of which {b.bad} did not pass."
+        return f"No difference: both have the same {b.runs} runs, {b.bad} of them unsuccessful."
     verb = "rose" if b.rate > a.rate else "fell"
-    certain = "chance alone hardly explains that" if found.p < LEVEL else "chance can explain that"
+    certain = "chance alone hardly explains it" if found.p < LEVEL else "chance can explain it"
     before, now = (f"{percent(side.rate)} ({side.bad} of {side.runs})" for side in (a, b))
-    text = f"The share of runs that did not pass {verb}, from {before} to {now}; {certain}"
+    text = f"The rate of unsuccessful runs {verb} from {before} to {now}, and {certain}"
     if a.rate == b.rate:
-        text = f"No difference seen: {before} and {now} of the runs did not pass"
-    interval = f"95 % interval {100 * found.low:+.1f} to {100 * found.high:+.1f} points"
+        text = f"No difference: {before} and {now} of the runs were unsuccessful"
+    interval = f"95 % interval {100 * found.low:+.1f} to {100 * found.high:+.1f} percentage points"
     p = f"p = {found.p:.2g}" if found.p >= 0.0001 else "p < 0.0001"
     test = "Fisher's exact test" if found.pairs is None else "McNemar's exact test, equal seeds"
     return f"{text} ({test}, {p}; {interval})."

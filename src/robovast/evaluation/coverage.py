@@ -123,7 +123,7 @@ def campaign_coverage(
     """
     entries = [entry for entry in document.vast.configuration or () if entry.variations]
     if not entries:
-        raise InputError(f"{document.path}: no configuration has variations to be covered.")
+        raise InputError(f"{document.path}: no configuration has variations.")
     return [_entry_coverage(document, entry, variants, buckets) for entry in entries]
 
 
@@ -139,8 +139,8 @@ def _entry_coverage(
     found = EntryCoverage(entry, axes)
     if pairs_of(found.sizes) > MOST_PAIRS:
         raise InputError(
-            f"{document.path}: `{entry.name}` has {pairs_of(found.sizes):,} pairs of values, more "
-            f"than the {MOST_PAIRS:,} that can be looked at."
+            f"{document.path}: `{entry.name}` has {pairs_of(found.sizes):,} pairs of values. The "
+            f"maximum is {MOST_PAIRS:,}."
         )
     counts: dict[Row, tuple[int, int]] = {}
     for numbers, variant in own:
@@ -206,8 +206,8 @@ def _drawn(
 ) -> Axis:
     name = varied.call.parameters.get("name")
     if buckets is None or not isinstance(name, str):
-        what = f"`{varied.call.name}` draws its values, which are continuous"
-        remedy = "Say into how many parts they are divided: `--buckets 5`."
+        what = f"`{varied.call.name}` has random continuous values"
+        remedy = "Group them into intervals, for example with `--buckets 5`."
         raise InputError(varied.problem(what, remedy))
     found = [variant.parameters.get(name) for _, variant in own]
     numbers = [
@@ -215,8 +215,7 @@ def _drawn(
     ]
     if len(numbers) < len(found) or not numbers:
         raise InputError(
-            f"`{name}` of `{varied.entry.name}` is not a number, or not a finite one, in all "
-            "configurations."
+            f"`{name}` of `{varied.entry.name}` must be a finite number in all configurations."
         )
     low, high = min(numbers), max(numbers)
     step = (high - low) / buckets

@@ -21,7 +21,7 @@ LAST_LINES = 12
 """Lines of a log."""
 BEFORE = 2
 """Lines before an error."""
-NO_WAY = "the way is not drawn: the run has no poses.csv, which postprocessing writes"
+NO_WAY = "no trajectory, because the run has no poses.csv (written by postprocessing)"
 _COMMAND = "[robovast] job "
 """Start of the line with a job's command, which is long and does not explain the end."""
 _MOST_LOGS = 5

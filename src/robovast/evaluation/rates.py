@@ -100,7 +100,7 @@ def campaign_rates(
     Args:
         summary: the campaign.
         variants: its configurations with their runs.
-        limit: share of bad runs up to which a configuration is sound, where no test decides.
+        limit: threshold between passing and failing, if no test decides.
     """
     interval_of = interval_for(summary)
     variants = list(variants)
@@ -131,16 +131,16 @@ def why_wider(summary: CampaignSummary) -> str:
     Empty for a fixed number. Who adds runs of a configuration has looked at all of them.
     """
     if summary.test is not None:
-        why = "The verdicts decide how many runs there are"
+        why = "The verdicts decide the number of runs"
     elif summary.is_search:
-        why = "The search chose by the verdicts what to run, and how often"
+        why = "The search chose its runs by the verdicts"
     elif not is_fixed(summary.execution):
-        why = "Runs were added after a look at the verdicts"
+        why = "Runs were added after the verdicts were visible"
     elif summary.state != "finished":
         why = "Runs are missing"
     else:
         return ""
-    return f"{why}, so all intervals are wider: they hold however often one looks."
+    return f"{why}, so all intervals are wider and valid at any time."
 
 
 def sample(*variants: VariantRuns) -> Sample:

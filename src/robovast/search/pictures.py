@@ -36,10 +36,10 @@ def draw_map(stored: StoredSearch, over: Sequence[str], fixed: Mapping[str, Any]
     space = stored.search.search_space
     if unknown := [name for name in over if name not in space]:
         remedy = suggest(unknown[0], space)
-        raise InputError(f"`{unknown[0]}` is no dimension of the search space. {remedy}")
+        raise InputError(f"`{unknown[0]}` is not a dimension of the search space. {remedy}")
     chosen = list(over or [name for name in space if name not in fixed][:2])
     if len(chosen) != 2 or chosen[0] == chosen[1]:
-        raise InputError("a map needs two different dimensions: --over NAME --over NAME.")
+        raise InputError("a map requires two different dimensions: --over NAME --over NAME.")
     base, found = stored.middle(fixed), stored.failure_map
     drawn = found.over(chosen[0], chosen[1], base)
     axes = (drawn.across, drawn.down)
@@ -83,7 +83,7 @@ def encoded(figure: Figure, path: Path) -> bytes:
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in {"png", "svg"}:
-        raise InputError(f"{path}: a picture's name ends with .png or .svg.")
+        raise InputError(f"{path}: the name of an image must end in .png or .svg.")
     file = BytesIO()
     figure.savefig(file, format=kind, dpi=150)
     return file.getvalue()

@@ -119,7 +119,7 @@ class StoredSearch:
         for name, value in fixed.items():
             if name not in space:
                 raise InputError(
-                    f"`{name}` is no dimension of the search space. {suggest(name, space)}"
+                    f"`{name}` is not a dimension of the search space. {suggest(name, space)}"
                 )
             if not holds(space[name], value):
                 raise InputError(f"{name} = {value!r} is not in the search space.")
@@ -165,7 +165,7 @@ class StoredSearch:
         """
         found: dict[int, Evaluation] | None = getattr(self.strategy, "elites", None)
         if found is None:
-            raise InputError(f"the strategy `{self.search.strategy}` keeps no archive; `qd` does.")
+            raise InputError(f"the strategy `{self.search.strategy}` has no archive. Use `qd`.")
         return found
 
     def best(self) -> Answer:
@@ -193,7 +193,7 @@ class StoredSearch:
         make = getattr(self.strategy, "map", None)
         if make is None:
             raise InputError(
-                f"the strategy `{self.search.strategy}` makes no failure map; `boundary` does."
+                f"the strategy `{self.search.strategy}` has no failure map. Use `boundary`."
             )
         with plugin_errors(lambda error: InputError(f"{self.document}: {error}.")):
             found: FailureMap = make()

@@ -172,7 +172,7 @@ def test_failed_runs_are_what_a_search_looks_for(state: str, passed: str, code: 
     made = campaign(state=state, runs=runs, search=found, failing=["c1/0"], conditions=conditions)
     assert made.exit_code is code
     assert list(made.summary()) == [
-        "The search ended: batches: batches 3/3.",
+        "The search stopped: batches: batches 3/3.",
         "Best: failure_rate 0.75",
         "10 of 10 done: 3 passed, 7 failed; batches 3/3 | best failure_rate 0.75.",
     ]

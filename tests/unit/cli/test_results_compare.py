@@ -42,11 +42,11 @@ def test_what_got_worse_is_named_and_is_an_exit_code(vast, results) -> None:
     head, row, _, verdict, statement, counts = outcome.out.splitlines()
     assert head.split()[:2] == ["CHANGE", "CONFIGURATION"]
     assert row.startswith("worse   hall-2         1 of 20  15 of 20  +70 (+41 to +84)")
-    assert verdict == f"{WORSE} beside {BASE}: worse"
-    assert "rose, from 2.5 % (1 of 40) to 38 % (15 of 40)" in statement
+    assert verdict == f"{WORSE} compared with {BASE}: worse"
+    assert "rose from 2.5 % (1 of 40) to 38 % (15 of 40)" in statement
     assert counts == "2 configurations in both: 1 worse, 0 unclear, 0 better, 1 same."
     better = vast("results", "compare", WORSE, BASE)
-    assert (better.code, f"{BASE} beside {WORSE}: better" in better.out) == (0, True)
+    assert (better.code, f"{BASE} compared with {WORSE}: better" in better.out) == (0, True)
 
 
 def test_several_campaigns_are_a_table(vast, results, tmp_path) -> None:
@@ -56,8 +56,8 @@ def test_several_campaigns_are_a_table(vast, results, tmp_path) -> None:
     head, row, *rest = outcome.out.splitlines()
     assert head.split() == ["CONFIGURATION", BASE, UNCLEAR, WORSE]
     assert " ".join(row.split()) == "hall-2 1 of 20 4 of 20 ? 15 of 20 ▲"  # hall-1 did not change
-    assert f"{WORSE} beside {BASE}: worse" in rest
-    assert "at least one of 2 worse in up to 9.8 % of all cases" in rest[-1]
+    assert f"{WORSE} compared with {BASE}: worse" in rest
+    assert "at least one of 2 campaigns worse in up to 9.8 % of all cases" in rest[-1]
     assert "| hall-2 | 1 of 20 | 4 of 20 ? | 15 of 20 ▲ |" in (tmp_path / "c.md").read_text()
     root = ET.parse(tmp_path / "c.xml").getroot()  # noqa: S314
     assert [suite.get("name") for suite in root] == [UNCLEAR, WORSE]
@@ -72,12 +72,14 @@ def test_what_is_unclear_fails_only_if_asked_and_says_how_many_more_runs_it_take
 ) -> None:
     outcome = vast("results", "compare", BASE, UNCLEAR)
     assert outcome.code == 0
-    assert re.search(r"unclear: it rose from \S+ % to \S+ %, but chance can explain", outcome.out)
+    assert re.search(
+        r"unclear: the rate rose from \S+ % to \S+ %, but chance can explain", outcome.out
+    )
     asked = vast("results", "compare", BASE, UNCLEAR, "--fail-on", "unclear", "-o", "json")
     assert asked.code == 6
     data = json.loads(asked.out)
     assert (data["base"], data["new"], data["result"]) == (BASE, UNCLEAR, "unclear")
-    assert f"{data['more_runs']} more runs of both campaigns would decide it" in outcome.out
+    assert f"{data['more_runs']} more runs of both campaigns would give a decision" in outcome.out
 
 
 def test_a_rise_below_the_margin_passes(vast, results) -> None:
@@ -99,7 +101,7 @@ def test_equal_seeds_make_pairs(vast, results) -> None:
 def test_a_comment_and_a_report_are_written(vast, results, tmp_path) -> None:
     vast("results", "compare", BASE, WORSE, "--markdown", "c.md", "--junit", "c.xml")
     comment = (tmp_path / "c.md").read_text()
-    assert comment.startswith(f"### worse\n\n`{WORSE}` beside `{BASE}`: The share")
+    assert comment.startswith(f"### worse\n\n`{WORSE}` compared with `{BASE}`: The rate")
     assert "| worse | hall-2 | 1 of 20 | 15 of 20 | +70 (+41 to +84) |" in comment
     root = ET.parse(tmp_path / "c.xml").getroot()  # noqa: S314
     assert (root.get("tests"), root.get("failures")) == ("3", "2")
@@ -198,8 +200,8 @@ def test_a_campaign_has_no_difference_from_itself_or_its_copy(vast, results, tmp
         outcome = vast("results", "compare", UNCLEAR, other, "--fail-on", "unclear")
         assert outcome.code == 0
         verdict, statement, counts = outcome.out.splitlines()
-        assert verdict == f"{UNCLEAR} beside {UNCLEAR}: no difference"
-        assert statement == "No difference: both have the same 40 runs, of which 4 did not pass."
+        assert verdict == f"{UNCLEAR} compared with {UNCLEAR}: no difference"
+        assert statement == "No difference: both have the same 40 runs, 4 of them unsuccessful."
         assert counts == "2 configurations in both: 0 worse, 0 unclear, 0 better, 2 same."
 
 
@@ -209,4 +211,4 @@ def test_equal_rates_of_other_runs_are_no_difference_that_proves_little(vast, re
         record.write_text(record.read_text().replace("2026-03-04T", "2026-03-07T"))
     outcome = vast("results", "compare", UNCLEAR, later.name, "--fail-on", "unclear")
     assert outcome.code == 6
-    assert "no difference found; too few runs to rule out a rise by 5.0 %" in outcome.out
+    assert "unclear: no difference, but too few runs to exclude a rise by 5.0 %" in outcome.out

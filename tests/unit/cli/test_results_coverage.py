@@ -72,7 +72,7 @@ def test_pairs_that_were_run_those_that_failed_and_holes(tmp_path, capsys) -> No
         "hall: 6 of 36 combinations; values 9 of 10 (90 %), pairs 15 of 33 (45 %), "
         "triples 6 of 36 (17 %)\n"
     )
-    assert "NEVER RUN" in text
+    assert "COVERAGE GAP" in text
     assert "… and 8 more (`--worst 0` shows all)" in text
 
 
@@ -86,9 +86,9 @@ def test_the_worst_pair_comes_first(tmp_path, capsys) -> None:
     document = DOCUMENT.replace("{kind: random, count: 6, seed: 1}", "{kind: full}")
     _, text = said([stored(tmp_path, document)], capsys)
     _, head, first, *_ = text.splitlines()
-    assert head.split() == ["PAIR", "NOT", "PASSED", "RATE", "95", "%", "INTERVAL"]
+    assert head.split() == ["PAIR", "UNSUCCESSFUL", "RATE", "95", "%", "INTERVAL"]
     assert first.split()[:5] == ["wind=10,", "light=night", "16", "of", "16"]
-    assert "NEVER RUN" not in text
+    assert "COVERAGE GAP" not in text
 
 
 def test_the_document_of_the_holes_runs_all_of_them_under_the_names_of_the_product(
@@ -126,12 +126,12 @@ def test_drawn_values_need_buckets(tmp_path, capsys) -> None:
     code, text = said([root], capsys)
     assert code == 2
     assert "hall.vast:6:" in text
-    assert "`ParameterVariationDistributionUniform` draws its values, which are continuous" in text
+    assert "`ParameterVariationDistributionUniform` has random continuous values" in text
     assert "--buckets 5" in text
     code, text = said([root, "--buckets", "2"], capsys)
     assert (code, "hall: 18 of 18 combinations" in text) == (0, True)
     code, text = said([root, "--buckets", "40", "--holes", tmp_path / "h.vast"], capsys)
-    assert (code, "draws values: raise their number" in text) == (2, True)
+    assert (code, "has random values. Increase their number" in text) == (2, True)
 
 
 def test_a_campaign_without_variations_has_nothing_to_cover(tmp_path, capsys) -> None:

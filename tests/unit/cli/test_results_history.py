@@ -54,21 +54,21 @@ def test_it_says_how_often_it_failed_and_what_changed(vast, results) -> None:
     assert outcome.code == 0
     rows = [" ".join(line.split()) for line in outcome.out.splitlines()]
     assert [row.removesuffix(" goal not reached: no goal after 20 s") for row in rows] == [
-        "STARTED NOT PASSED RATE 95 % INTERVAL CHANGED CAMPAIGN REASON",
+        "STARTED UNSUCCESSFUL RATE 95 % INTERVAL CHANGED CAMPAIGN REASON",
         f"2026-03-01 13:24 ○ 0 of 4 0 % 0 – 49 % {DAYS[0]}/hall-2",
         f"2026-03-02 13:24 ◐ 2 of 4 50 % 15 – 85 % scenario {DAYS[1]}/hall-2",
         f"2026-03-03 13:24 ● 4 of 4 100 % 51 – 100 % image, scenario {DAYS[2]}/hall-2",
         f"2026-03-04 13:24 ◐ 1 of 4 25 % 4.6 – 70 % .vast {DAYS[3]}/hall-3",
         "",
         "hall-3 ○◐●◐ in 4 campaigns",
-        "○ all passed, ◐ some did not, ● none passed",
+        "○ all passed, ◐ some passed, ● none passed",
     ]
 
 
 def test_other_parameters_are_another_configuration(vast, results) -> None:
     outcome = vast("results", "history", "hall-1")
     assert "hall-1  ○  in 1 campaign\n" in outcome.out
-    assert "In 3 other campaigns hall-1 has other parameters." in outcome.out
+    assert "In 3 other campaigns, hall-1 has other parameters." in outcome.out
     for how in (["hall-1", "-i", DAYS[0]], [results / DAYS[0] / "hall-1"]):
         outcome = vast("results", "history", *how, "-o", "json")
         entries = json.loads(outcome.out)["entries"]

@@ -70,13 +70,13 @@ def test_one_file_says_what_failed_where_and_why(vast, results) -> None:
     html = Path("report.html").read_text()
     text = Elements(html).text
     assert "✓ 66 passed" in text
-    assert "45 % of the runs did not pass (95 % interval 36 – 54 %)" in text
+    assert "45 % of the runs were unsuccessful (95 % interval 36 – 54 %)" in text
     assert "54 goal not reached: no goal after 20 s failed hall-1/0" in text  # the cause
     assert "margin ≤ 0.02 80 % of 60 10 % of 60" in text  # the factor
     assert "speed ↓ margin → 0.02 0.1 0 80 % 8/10 49 – 94 % 10 % 1/10" in text  # the matrix
     assert "hall-1 goal not reached: no goal after 20 s failing 8 of 10" in text
     assert html.count("<svg") == 1  # one of them has a map
-    assert "run 0; blue: the planned path; violet: the way; red: its last 5 s" in text
+    assert "run 0; blue: planned path; violet: trajectory; red: its last 5 s" in text
     assert "ERROR scenario_execution: <script>window.stolen = true</script> goal" in text
     assert "5.000 s ERROR" in text  # since its start
 
@@ -85,7 +85,7 @@ def test_a_map_without_a_way_says_so(vast, results) -> None:
     for poses in (results / NAME).glob("hall-1/*/poses.csv"):
         poses.unlink()
     text = report(vast).text
-    assert "run 0; blue: the planned path; the way is not drawn: the run has no poses.csv" in text
+    assert "run 0; blue: planned path; no trajectory, because the run has no poses.csv" in text
     assert "violet" not in text
 
 
@@ -166,7 +166,7 @@ def test_a_campaign_in_which_all_runs_passed_has_a_short_report(vast, results) -
     assert vast("results", "report", LATER).code == 0
     text = Elements(Path("report.html").read_text()).text
     assert "✓ 120 passed" in text
-    assert "Why runs did not pass" not in text
+    assert "Causes of unsuccessful runs" not in text
 
 
 @pytest.mark.parametrize(

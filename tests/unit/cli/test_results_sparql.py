@@ -54,7 +54,7 @@ def test_a_fault_in_one_campaign_stops_no_other(vast, results: Path, caplog) -> 
 def test_queries_are_listed(vast, results: Path) -> None:
     listed = vast("results", "sparql", "--list").out
     assert listed == vast("results", "sparql").out
-    assert "\nfailure-rate              Percentage of runs that did not pass" in listed
+    assert "\nfailure-rate              Percentage of unsuccessful runs" in listed
 
 
 @pytest.fixture

@@ -36,10 +36,10 @@ def test_configurations_are_failing_inconclusive_or_passing(vast, results) -> No
     assert lines[2][:8] == ["hall-2", "inconclusive", "5", "of", "40", "12", "%", "5.5"]
     assert lines[3][:8] == ["hall-1", "passing", "0", "of", "40", "0", "%", "0"]
     assert outcome.out.endswith(
-        "3 configurations: 1 failing, 1 inconclusive, 1 passing (limit 10 % of the runs)\n"
+        "3 configurations: 1 failing, 1 inconclusive, 1 passing (threshold 10 %)\n"
         "120 of 120 runs stored: 85 passed, 35 failed, 0 errored, 0 interrupted\n"
-        "29 % of the runs did not pass (95 % interval 22 – 38 %)\n"
-        f"hall-2 is decided soonest, by {lines[2][11]} more runs: vast exec local run "
+        "29 % of the runs were unsuccessful (95 % interval 22 – 38 %)\n"
+        f"hall-2 needs the fewest runs for a decision ({lines[2][11]} more): vast exec local run "
         f"--resume=results/{NAME} --config=hall-2 --runs={40 + int(lines[2][11])}\n"
     )
 
@@ -80,7 +80,7 @@ def test_it_says_why_runs_fail_and_which_parameter_makes_them(vast, results) -> 
         outputs=False,
     )
     outcome = vast("results", "summary", "margins")
-    assert "margin  ≤ 0.02       80 % of 60  10 % of 60  +5" in outcome.out
+    assert "margin  ≤ 0.02    80 % of 60    10 % of 60  +5" in outcome.out
     (effect, _) = json.loads(vast("results", "summary", "margins", "-o", "json").out)["effects"]
     assert (effect["factor"], effect["worse"]) == (
         "margin",
@@ -93,7 +93,7 @@ def test_while_runs_are_missing_it_says_which_intervals_these_are(vast, results)
     path.write_text(path.read_text().replace("runs: 40", "runs: 50"))
     outcome = vast("results", "summary", NAME)
     assert "120 of 150 runs stored" in outcome.out
-    assert "\nRuns are missing, so all intervals are wider: they hold however" in outcome.out
+    assert "\nRuns are missing, so all intervals are wider and valid at any time." in outcome.out
     assert outcome.out.endswith(f"\nContinue: vast exec local run --resume=results/{NAME}\n")
 
 
@@ -103,7 +103,7 @@ def test_runs_that_were_added_are_not_called_missing(vast, results) -> None:
         path.read_text().replace("runs: 40", "runs: 30\nmore_runs: {hall-3: 40}\nruns_added: true")
     )
     out = vast("results", "summary", NAME).out
-    assert "\nRuns were added after a look at the verdicts, so all" in out
+    assert "\nRuns were added after the verdicts were visible, so all" in out
     assert "missing" not in out
 
 
@@ -119,7 +119,7 @@ def test_a_search_is_given_batches_and_its_intervals_hold_however_often_one_look
     outcome = vast("results", "summary", root)
     command = f"vast exec local run --resume={root}{more}\n"
     assert outcome.out.endswith(f"\nContinue: {command}")
-    assert "\nThe search chose by the verdicts what to run, and how often, so all" in outcome.out
+    assert "\nThe search chose its runs by the verdicts, so all" in outcome.out
     data = json.loads(vast("results", "summary", root, "-o", "json").out)
     assert (data["interval"], f"{data['next']}\n") == ("anytime", command)
 

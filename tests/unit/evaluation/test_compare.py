@@ -47,17 +47,18 @@ def test_better_and_same() -> None:
 def test_the_statement_has_numbers_and_a_judgement() -> None:
     worse = compare([variant("a", 90, 10)], [variant("a", 70, 30)])
     assert worse.statement == (
-        "The share of runs that did not pass rose, from 10 % (10 of 100) to 30 % (30 of 100); "
-        "chance alone hardly explains that (Fisher's exact test, p = 0.00065; 95 % interval "
-        "+9.0 to +30.6 points)."
+        "The rate of unsuccessful runs rose from 10 % (10 of 100) to 30 % (30 of 100), and "
+        "chance alone hardly explains it (Fisher's exact test, p = 0.00065; 95 % interval "
+        "+9.0 to +30.6 percentage points)."
     )
-    assert (
-        "chance can explain that" in compare([variant("a", 9, 1)], [variant("a", 7, 3)]).statement
-    )
+    assert "chance can explain it" in compare([variant("a", 9, 1)], [variant("a", 7, 3)]).statement
 
 
 def test_campaigns_with_nothing_in_common() -> None:
-    assert "share no variant" in compare([variant("a", 1, 0)], [variant("b", 1, 0)]).statement
+    assert (
+        "no configuration has runs in both"
+        in compare([variant("a", 1, 0)], [variant("b", 1, 0)]).statement
+    )
 
 
 def seeded(name: str, verdicts: str, seeds: range | None = None) -> VariantRuns:
@@ -296,7 +297,7 @@ def test_a_campaign_does_not_differ_from_itself(verdicts: list[str]) -> None:
 def test_equal_results_of_other_runs_prove_little() -> None:
     found = compare([seeded("a", "pf")], [seeded("a", "pf")])
     assert found.statement.startswith(
-        "No difference seen: 50 % (1 of 2) and 50 % (1 of 2) of the runs did not pass "
+        "No difference: 50 % (1 of 2) and 50 % (1 of 2) of the runs were unsuccessful "
         "(McNemar's exact test, equal seeds, p = 1;"
     )
     assert found.detectable is None

@@ -62,5 +62,5 @@ def test_a_configuration_whose_entry_is_not_known_counts_by_its_name(tmp_path: P
 def test_values_that_cannot_be_divided_are_an_error_in_words(tmp_path: Path, value: float) -> None:
     largest = passed("hall-3-3", "hall", a=1.7e308, b=0.9)
     odd = passed("hall-3-2", "hall", a=value, b=0.9)
-    with pytest.raises(InputError, match="`a` of `hall` is not a number, or not a finite one"):
+    with pytest.raises(InputError, match="`a` of `hall` must be a finite number"):
         campaign_coverage(document(tmp_path), [largest, odd], buckets=5)

@@ -64,7 +64,9 @@ def test_who_adds_runs_to_a_finished_campaign_has_looked_before() -> None:
     ):
         added = replace(summary(), execution={**how, "runs_added": True})
         assert campaign_rates(added, [variant("few", 9, 0)]).method == "anytime"
-        assert why_wider(added).startswith("Runs were added after a look at the verdicts, so all")
+        assert why_wider(added).startswith(
+            "Runs were added after the verdicts were visible, so all"
+        )
     assert why_wider(summary()) == ""
 
 

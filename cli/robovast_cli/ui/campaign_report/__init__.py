@@ -1,1 +1,1 @@
-"""A report of a campaign that can be sent: one HTML file, or Markdown for a pull request."""
+"""A report of a campaign: one HTML file, or Markdown for a pull request."""

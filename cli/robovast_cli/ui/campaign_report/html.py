@@ -25,7 +25,7 @@ _SIGNS = {
     Verdict.INTERRUPTED: "–",
 }
 _PALEST = 0.7
-"""How much paler a cell is when nothing is known about its rate."""
+"""How much paler a cell is if its rate is unknown."""
 _MOST_IN_PRINT = 8
 """Columns of a matrix that fit a printed page at full size."""
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -60,21 +60,21 @@ def _sections(report: CampaignReport) -> Iterable[Markup]:
     if report.baseline is not None:
         yield _baseline(report.baseline)
     if report.causes:
-        yield _section("Why runs did not pass", _causes(report))
+        yield _section("Causes of unsuccessful runs", _causes(report))
     effects = summary.clear_effects(report.explained.effects)
     if effects:
-        yield _section("What makes runs fail", _effects(effects))
+        yield _section("Factors that cause failures", _effects(effects))
     if report.matrix.across.factor:
         yield _section(
-            "Where runs did not pass",
+            "Unsuccessful runs by factor",
             tag("p", words.axes_note(report.explained), class_="quiet"),
             _matrix(report.matrix, report.units, interval_for(report.rates.summary)),
         )
     bad = [one for one in report.rates.configurations if one.rate.rate]
     if bad:
-        yield _section("Configurations, the worst first", *_configurations(bad))
+        yield _section("Worst configurations", *_configurations(bad))
     if report.worst:
-        yield _section("How runs ended", *map(_worst, report.worst))
+        yield _section("Examples of unsuccessful runs", *map(_worst, report.worst))
 
 
 def _section(title: str, *contents: Markup) -> Markup:
@@ -141,7 +141,7 @@ def _causes(report: CampaignReport) -> Markup:
     ]
     left = len(report.causes) - len(shown)
     return joined(
-        _table("Causes", ["Runs", "Cause", "Verdict", "First"], rows),
+        _table("Causes", summary.CAUSE_COLUMNS, rows),
         tag("p", f"… and {left} more causes", class_="quiet") if left else None,
     )
 
@@ -200,7 +200,7 @@ def _configurations(bad: Sequence[VariantRate]) -> Iterable[Markup]:
     columns, *rows = words.configuration_table(bad)
     yield _table("Configurations", columns, rows)
     if len(bad) > len(rows):
-        left = f"… and {len(bad) - len(rows):,} more in which runs did not pass"
+        left = f"… and {len(bad) - len(rows):,} more with unsuccessful runs"
         yield tag("p", left, class_="quiet")
 
 
@@ -219,7 +219,7 @@ def _worst(worst: Worst) -> Markup:
         tag("p", words.run_facts(worst)),
         tag("dl", *listed) if worst.variant.factors else None,
         _picture(worst),
-        tag("p", f"The end of {path}", class_="quiet") if path else None,
+        tag("p", f"End of {path}", class_="quiet") if path else None,
         tag("pre", *lines) if path else None,
     )
 

@@ -66,10 +66,10 @@ def _change(change: Change) -> Iterator[str]:
 def _causes(report: CampaignReport) -> Iterator[str]:
     if not report.causes:
         return
-    yield from ("", "### Why runs did not pass", "")
+    yield from ("", "### Causes of unsuccessful runs", "")
     shown = report.causes[: words.MOST_CAUSES]
     yield from table_of_markup(
-        ["RUNS", "CAUSE", "VERDICT", "FIRST"],
+        summary.CAUSE_COLUMNS,
         (
             [
                 str(len(group.runs)),
@@ -87,7 +87,7 @@ def _causes(report: CampaignReport) -> Iterator[str]:
 def _effects(effects: list[Effect]) -> Iterator[str]:
     clear = summary.clear_effects(effects)
     if clear:
-        yield from ("", "### What makes runs fail", "")
+        yield from ("", "### Factors that cause failures", "")
         yield from markdown_table(summary.EFFECT_COLUMNS, map(summary.effect_row, clear))
 
 
@@ -97,7 +97,7 @@ def _matrix(report: CampaignReport) -> Iterator[str]:
         return
     yield from (
         "",
-        "### Runs that did not pass",
+        "### Unsuccessful runs by factor",
         "",
         escaped(words.axes_note(report.explained)),
         "",
@@ -115,15 +115,15 @@ def _configurations(configurations: list[VariantRate]) -> Iterator[str]:
     bad = [one for one in configurations if one.rate.rate]
     if not bad:
         return
-    yield from ("", "### Configurations, the worst first", "")
+    yield from ("", "### Worst configurations", "")
     columns, *rows = words.configuration_table(bad)
     yield from markdown_table(columns, rows)
     if len(bad) > len(rows):
-        yield from ("", f"… and {len(bad) - len(rows):,} more in which runs did not pass")
+        yield from ("", f"… and {len(bad) - len(rows):,} more with unsuccessful runs")
 
 
 def _worst(worst: Worst) -> Iterator[str]:
-    yield from ("", f"<details><summary>{code(worst.variant.name)}: how a run ended</summary>", "")
+    yield from ("", f"<details><summary>{code(worst.variant.name)}: end of a run</summary>", "")
     named = ", ".join(f"{code(name)} {escaped(text)}" for name, text in words.values(worst).items())
     yield from (named, "", escaped(words.run_facts(worst)), "")
     lines = words.log_lines(worst)

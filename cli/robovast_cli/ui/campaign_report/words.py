@@ -28,14 +28,12 @@ LONGEST_TEXT = 1_000
 """Characters of a description or a reason."""
 MOST_CHANGES, MOST_CHANGED_LINES = 8, 40
 """Files that differ from those of the baseline, and lines of each."""
-MAP_KEY = "blue: the planned path"
-WAY_KEY = (
-    f"violet: the way; red: its last {LAST_SECONDS:g} s, and × where runs ended that did not pass"
-)
+MAP_KEY = "blue: planned path"
+WAY_KEY = f"violet: trajectory; red: its last {LAST_SECONDS:g} s; ×: end of an unsuccessful run"
 
 
 def facts(report: CampaignReport) -> str:
-    """When a campaign was executed, and from which document and image."""
+    """Return the name, state, start, duration and image of a campaign."""
     summary = report.rates.summary
     started = summary.started_at
     image = summary.execution.get("image")
@@ -59,19 +57,20 @@ def duration(seconds: float) -> str:
 
 
 def axes_note(explained: Explained) -> str:
-    """Why the matrix has its axes."""
+    """Explain the choice of the axes of the matrix."""
     if not explained.axes:
-        return "Nothing was varied."
+        return "The campaign varies no parameters."
     names = " and ".join(explained.axes)
     if not explained.effects:
-        return f"Nothing tells failures apart: {names} come first."
+        return f"No factor separates failures. The axes are the first factors: {names}."
     ps = [effect.p for effect in explained.effects if effect.factor in explained.axes]
     verb = "separate" if len(explained.axes) > 1 else "separates"
     if all(p < LEVEL for p in ps):
         return f"{names} {verb} failures best."
     if any(p < LEVEL for p in ps):
-        return f"{names} {verb} failures best, though chance can explain one of both."
-    return f"{names} {'come' if len(explained.axes) > 1 else 'comes'} first. {CHANCE.strip()}"
+        return f"{names} {verb} failures best, but chance can explain one of them."
+    noun = "axes are" if len(explained.axes) > 1 else "axis is"
+    return f"The {noun} {names}. {CHANCE.strip()}"
 
 
 def titled(factor: str, units: Mapping[str, str]) -> str:
@@ -81,24 +80,24 @@ def titled(factor: str, units: Mapping[str, str]) -> str:
 
 
 def values(worst: Worst) -> dict[str, str]:
-    """What was varied in a configuration."""
+    """Return the values of the factors of a configuration."""
     shown = list(worst.variant.factors.items())[:MOST_FACTORS]
     units = worst.variant.units
     return {titled(name, units): shortened(value_label(value), WIDEST) for name, value in shown}
 
 
 def configuration_table(bad: Sequence[VariantRate]) -> list[list[str]]:
-    """Columns and rows of the worst configurations, with the reason beside the name."""
+    """Columns and rows of the worst configurations, with the reason next to the name."""
     rows = [COLUMNS, *map(configuration_row, bad[:MOST_ROWS])]
     return [[name, reason, *cells] for name, *cells, reason in rows]
 
 
 def run_facts(worst: Worst) -> str:
-    """The run whose end is shown, and how many of its configuration fail."""
+    """Describe the shown run, and count the unsuccessful runs of its configuration."""
     rate = worst.rate.rate
-    bad = f"{rate.failed + rate.errored} of {rate.runs} runs did not pass"
+    bad = f"{rate.failed + rate.errored} of {rate.runs} runs were unsuccessful"
     took = "" if worst.run.duration is None else f" after {duration(worst.run.duration)}"
-    reason = shortened(worst.run.reason, LONGEST_TEXT) or "no reason is known"
+    reason = shortened(worst.run.reason, LONGEST_TEXT) or "unknown reason"
     return f"{bad}. Run {worst.run.number} {worst.run.verdict}{took}: {reason}"
 
 
@@ -115,7 +114,7 @@ def log_line(line: LogLine, started: float | None) -> str:
 
 
 def log_lines(worst: Worst) -> list[tuple[LogLine | None, str]]:
-    """Lines of a run's log with their text; None for those that are left out."""
+    """Lines of a run's log with their text; None for omitted lines."""
     ending = worst.ending
     if ending is None:
         return []
@@ -126,5 +125,5 @@ def log_lines(worst: Worst) -> list[tuple[LogLine | None, str]]:
 
 
 def cell_text(cell: Cell) -> str:
-    """The share of the runs of a cell that did not pass."""
+    """Return the rate of unsuccessful runs of a cell."""
     return f"{percent(cell.bad / cell.runs)} ({cell.bad}/{cell.runs})" if cell.runs else ""
