@@ -248,7 +248,7 @@ def team(argo: ArgoCd, tmp_path: Path) -> Team:
 
 def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> None:
     team.commit(hello=documented("hello"))
-    assert team.shows("hello", "Healthy") == "4 of 4 runs passed; needed: all"
+    assert team.shows("hello", "Healthy") == "4 of 4 runs passed; spec.acceptance requires all."
     team.becomes("Synced", "Healthy")
     query = "--output=jsonpath={.items[*].message}"
     events = team.argo.cluster.kubectl("get", "events", f"--namespace={argocd.NAMESPACE}", query)
@@ -265,7 +265,7 @@ def test_health_is_the_verdict_and_a_click_repeats_the_bad_runs(team: Team) -> N
     team.commit(broken=campaign("broken", team.name, 2, 2))
     message = team.shows("broken", "Degraded")
     assert message.startswith("2 of 4 runs passed")
-    assert message.endswith("one-1/1, one-1/3")
+    assert message.endswith("one-1/1, one-1/3.")
     team.becomes("Synced", "Degraded")
     team.click("broken", "retry")
     team.shows("broken", "Healthy")

@@ -148,7 +148,7 @@ def test_helm_refuses_a_second_installation_with_a_common_namespace(
     values = {"operator": {"namespaces": own}, "crds": {"enabled": False}}
     try:
         if refused:
-            with pytest.raises(ValueError, match=f"in the namespace {namespace}, already works in"):
+            with pytest.raises(ValueError, match=f"in the namespace {namespace}, already manages"):
                 rendered(values, fake_cluster, "second-system")
         else:
             assert rendered(values, fake_cluster, "second-system")

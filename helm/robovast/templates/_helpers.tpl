@@ -3,7 +3,7 @@ app.kubernetes.io/name: robovast
 app.kubernetes.io/instance: {{ .Release.Name }}
 {{- end }}
 
-{{- /* Not for pods: they would be made anew by every version of the chart. */ -}}
+{{- /* Not for pods, because each version of the chart would recreate the pods. */ -}}
 {{- define "robovast.labels" -}}
 {{ include "robovast.selector" . }}
 app.kubernetes.io/version: {{ .Chart.AppVersion | quote }}
@@ -22,17 +22,17 @@ http://robovast-s3.{{ .Release.Namespace }}.svc:9000
 {{ .Values.storage.credentials.existingSecret | default "robovast-storage" }}
 {{- end }}
 
-{{- /* Namespaces that campaigns are prepared for, as a JSON list. */ -}}
+{{- /* Namespaces that get the Secret and the queue, as a JSON list. */ -}}
 {{- define "robovast.namespaces" -}}
 {{- concat (list .Release.Namespace) .Values.operator.namespaces .Values.storage.credentials.namespaces | uniq | toJson }}
 {{- end }}
 
-{{- /* A namespace in which the operator works. */ -}}
+{{- /* A namespace that the operator manages. */ -}}
 {{- define "robovast.home" -}}
 {{ .Values.operator.namespaces | default (list .Release.Namespace) | first }}
 {{- end }}
 
-{{- /* The `spec` of a small campaign: two variants of a scenario that logs a word. */ -}}
+{{- /* The `spec` of a small campaign: two configurations of a scenario that logs a word. */ -}}
 {{- define "robovast.example" -}}
 {{- if .Values.kueue.enabled -}}
 queueName: {{ .Values.kueue.queueName }}
@@ -58,7 +58,7 @@ source:
                 log(text)
 {{- end }}
 
-{{- /* What all of the chart's pods share, Pod Security `restricted` included. */ -}}
+{{- /* The part that all pods of the chart share. It meets Pod Security `restricted`. */ -}}
 {{- define "robovast.pod" -}}
 enableServiceLinks: false
 securityContext:
