@@ -79,7 +79,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
     def needed(name: str) -> str:
         value = environment.get(name, "")
         if not value:
-            raise InputError(f"The environment variable {name} is not set; the chart sets it.")
+            raise InputError(f"The environment variable {name} is not set. The chart sets {name}.")
         return value
 
     def number(setting: str) -> float:
@@ -88,7 +88,9 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         try:
             return float(value) if value else float(getattr(Settings, setting))
         except ValueError as error:
-            raise InputError(f"The environment variable {name} is no number: {value}") from error
+            raise InputError(
+                f"The environment variable {name} is not a number: {value}."
+            ) from error
 
     def names(variable: str) -> tuple[str, ...]:
         given = environment.get(variable, "").split(",")
@@ -125,5 +127,6 @@ def _resources(
         return dict(json.loads(environment.get(variable) or json.dumps(default)))
     except (ValueError, TypeError) as error:
         raise InputError(
-            f"The environment variable {variable} is not a JSON object with `requests` and `limits`"
+            f"The environment variable {variable} must be a JSON object with `requests` and "
+            "`limits`."
         ) from error

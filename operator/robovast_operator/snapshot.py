@@ -99,7 +99,10 @@ class Snapshot:
             ("errored", limits.max_errored, known.errored),
         ):
             if limit is not None and found > limit and not self.all_done:
-                message = f"{found} runs have {name}; spec.failFast allows {limit}"
+                message = (
+                    f"{found} runs {name}, but spec.failFast allows {limit}. List the runs with "
+                    "`vast exec cluster runs --failed`, and raise spec.attempt to repeat the runs."
+                )
                 return Trouble("FailFast", message, final=True)
         return None
 
@@ -116,8 +119,8 @@ class Snapshot:
         if self.repetition_due and self.all_known and not self.repeats:
             return Trouble(
                 "RunListMissing",
-                "the finish Job has stored no list of the bad runs: are operator and agent of one "
-                "version?",
+                "The index Job has stored no list of the unsuccessful runs. Check that operator "
+                "and agent have the same version.",
             )
         told = self.finish.told if self.lost_words else ""
         told = self.search.proposing.told if self.lost_proposal else told

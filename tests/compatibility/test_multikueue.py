@@ -312,7 +312,7 @@ def test_a_campaign_is_executed_where_its_queue_leads_by_now(lab: Lab) -> None:
     lab.change("manager", "clusterqueue", turning, {"stopPolicy": "Hold"})
     lab.start("few", "turning")
     lab.start("late", "late")
-    lab.until(lambda: lab.stalled("few") == lab.stalled("late") == "NoQueue")
+    lab.until(lambda: lab.stalled("few") == lab.stalled("late") == "QueueUnavailable")
 
     manager.apply(local_queue("late", lab.namespace, SOUTH))
     lab.cluster("south").apply(local_queue("late", lab.namespace, "own"))

@@ -40,12 +40,12 @@ def test_an_incompatible_image_starts_no_run_and_everybody_says_why(lab: Lab) ->
     (campaign,) = lab.get("campaigns")["items"]
     name = campaign["metadata"]["name"]
     condition = lab.conditions(name)["Succeeded"]
-    assert (condition["status"], condition["reason"]) == ("False", "Incompatible")
+    assert (condition["status"], condition["reason"]) == ("False", "IncompatibleImage")
     (told,) = eventually(
         lambda: [
             event["message"]
-            for event in events_of_campaigns(lab, "Incompatible")
-            if event["message"].startswith("the image")
+            for event in events_of_campaigns(lab, "IncompatibleImage")
+            if event["message"].startswith("The image")
         ]
     )
     for text in (condition["message"], told, done.stdout + done.stderr):

@@ -147,7 +147,7 @@ def test_a_campaign_goes_to_the_share_and_comes_home(lab: Lab, share: Share) -> 
     lab.kubectl("delete", "jobs", "--selector=robovast.io/role=share")
     wrong = {"spec": {"share": {"secretName": "robovast-none"}, "attempt": 2}}
     lab.kubectl("patch", "campaign", "hall", "--type=merge", f"--patch={json.dumps(wrong)}")
-    missing = "not on the share: "
+    missing = "could not be uploaded to the file share: "
     eventually(lambda: missing in lab.kubectl("get", "events"), told="it says what is missing")
     lab.kubectl("delete", "jobs", "--selector=robovast.io/role=share")
 

@@ -146,7 +146,7 @@ def test_an_image_without_bash_is_told(lab: Lab, tmp_path: Path) -> None:
     containerd.of(lab.cluster.bed).load(scratch.archive(shell, "bin/sh"))
     apply(lab, "no-bash", scratch.image(shell.name))
     told = wait_stalled(lab, "no-bash", "ContainerError")
-    assert "the container robovast cannot start" in told
+    assert "Container robovast cannot start" in told
     assert '"bash"' in told
 
 

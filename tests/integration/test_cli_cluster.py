@@ -339,7 +339,7 @@ def test_a_receiver_that_cannot_be_told_is_refused_before_anything_is_created(
         (
             {"total": 0},
             "Failed",
-            [condition("Succeeded", "False", "Incompatible", "image has version 1, not 2")],
+            [condition("Succeeded", "False", "IncompatibleImage", "image has version 1, not 2")],
             3,
             "image has version 1, not 2",
         ),

@@ -36,7 +36,7 @@ NOTICE = Notice(
     failing=["hall-1/2"],
     seconds=3900,
     reason="TooManyUnsuccessfulRuns",
-    message="2 of 3 runs passed; needed: all",
+    message="2 of 3 runs passed; spec.acceptance requires all.",
 )
 
 
@@ -114,7 +114,7 @@ def test_ntfy_gets_title_priority_and_tags_as_headers_and_the_text_as_body(
     assert got.body.splitlines() == [
         "3 runs: 2 passed, 1 failed, 0 errored after 1 h 5 min",
         "33 % did not pass (95 % interval 6.1 – 79 %)",
-        "2 of 3 runs passed; needed: all",
+        "2 of 3 runs passed; spec.acceptance requires all.",
         "Not passed: hall-1/2",
         "vast results download -n lab -i drive",
     ]

@@ -118,7 +118,7 @@ def test_gpus_that_are_named_and_not_asked_for_are_refused(
     made["spec"]["vast"]["execution"]["kubernetes"] = {"gpu_resource": "amd.com/gpu"}
     fake_cluster.apply(made)
     told = rejection(fake_cluster, namespace, "InvalidDocument", operator)
-    assert "execution.kubernetes.gpu_resource: it says what `gpu` counts" in told
+    assert "execution.kubernetes.gpu_resource, but no container requests `gpu`" in told
 
 
 def test_pods_ask_for_devices_by_the_templates_of_their_namespace(

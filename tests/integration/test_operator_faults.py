@@ -276,7 +276,7 @@ def test_writes_whose_answers_are_lost_make_nothing_twice(
     missed = [name for name, fault in zip(LOST, faults, strict=True) if not fault.hits]
     assert not missed
     assert_right(fake_cluster, namespace)
-    told = ["Accepted", "Valid", "Planned", "JobCreated", "Finished", "Indexed"]
+    told = ["EnoughRunsPassed", "Valid", "Planned", "JobCreated", "Finished", "Indexed"]
     assert events(fake_cluster, namespace) == Counter(told)
 
 

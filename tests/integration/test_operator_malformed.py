@@ -216,7 +216,7 @@ def test_a_job_of_others_that_has_the_name_of_a_shard_is_told_until_it_is_gone(
 
     def told() -> bool:
         found = condition(status(fake_cluster, namespace, "hunted"), "Stalled")
-        remedy = f"`kubectl delete job -n {namespace} {name}` removes them."
+        remedy = f"run `kubectl delete job -n {namespace} {name}`."
         return found.get("reason") == "NameConflict" and remedy in found.get("message", "")
 
     eventually(told, told=operator.told)

@@ -125,7 +125,10 @@ def test_lasting_trouble_is_told_once_and_so_is_that_nobody_could_be_told(
     )
     end_badly(fake_cluster, namespace, pods[0]["metadata"]["name"])
     (told,) = eventually(lambda: failures(fake_cluster, namespace), 30, operator.told)
-    assert told == "the Secret `phone` is not there"
+    assert told == (
+        "A notification could not be sent: the Secret `phone` is not there. Check "
+        "spec.notifications."
+    )
     since = stalled_since(fake_cluster, namespace)
     restart(operator)
     time.sleep(2)

@@ -84,7 +84,7 @@ def test_a_document_that_no_object_can_hold_is_told(
 
     def told() -> bool:
         state = status_of(fake_cluster, namespace, "few")
-        return condition(state, "Stalled").get("reason") == "TooLarge"
+        return condition(state, "Stalled").get("reason") == "ObjectTooLarge"
 
     eventually(told, told=operator.told)
     assert not created(fake_cluster, namespace, "jobs")

@@ -80,7 +80,7 @@ def test_a_pod_that_asks_for_runs_twice_ends_the_search(
     )
     state = status(fake_cluster, namespace, "odd")
     assert condition(state, "Succeeded")["reason"] == "InvalidPlan"
-    assert "those that come next" in condition(state, "Succeeded")["message"]
+    assert "are not the next runs" in condition(state, "Succeeded")["message"]
     assert state["runs"]["total"] == 8
 
 

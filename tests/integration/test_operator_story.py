@@ -36,7 +36,7 @@ def test_a_failing_campaign_is_told_from_its_plan_to_its_results_in_about_ten_li
     )
     assert 8 <= len(reasons) <= 10
     text = "\n".join(told())
-    assert "60 runs in 60 jobs, in at most 5 pods at once" in text
-    assert re.search(r"the Job sour-\S+ executes runs", text)
-    assert "one-1/0 has failed: goal not reached" in text
-    assert "0 of 60 runs passed; needed: all" in text
+    assert "The campaign has 60 runs in 60 jobs, and uses at most 5 pods concurrently." in text
+    assert re.search(r"The operator created the Job sour-\S+\.", text)
+    assert "Run one-1/0 failed: goal not reached." in text
+    assert "0 of 60 runs passed; spec.acceptance requires all." in text

@@ -9,6 +9,7 @@ from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.events import Message
 from robovast_operator.kube.objects import Identity
+from robovast_operator.kube.sentences import clause, with_remedy
 from robovast_operator.kube.store import NOTIFY_ROLE, JobState
 from robovast_operator.pods.pod_status import last_message, last_words
 
@@ -37,8 +38,16 @@ class Deliveries:
         pods = [pod async for pod in self._diagnosis.pods_of(job)] if failed else []
         if notice:
             causes = last_words(pods, job.role, job.failed) or [job.message]
-            return Message("Warning", "NotificationFailed", "\n".join(causes), job.uid)
+            message = with_remedy(
+                "A notification could not be sent", "\n".join(causes), "Check spec.notifications."
+            )
+            return Message("Warning", "NotificationFailed", message, job.uid)
         if failed:
             cause = last_message(pods, job.role) or job.message
-            return Message("Warning", "UploadFailed", f"not on the share: {cause}", job.uid)
-        return Message("Normal", "Uploaded", "the results are on the share", job.uid)
+            message = (
+                f"The results could not be uploaded to the file share: {clause(cause)}. Check the "
+                "Secret of spec.share."
+            )
+            return Message("Warning", "UploadFailed", message, job.uid)
+        message = "The results are uploaded to the file share."
+        return Message("Normal", "Uploaded", message, job.uid)

@@ -17,6 +17,7 @@ from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.lenient import mapping, metadata, ranges, text
 from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.sentences import after_colon, clause
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
 from robovast_operator.memory import PodsCache
@@ -25,7 +26,13 @@ from robovast_operator.pods.admission import explain
 from robovast_operator.pods.findings import MISHAPS, PodFindings, Trouble
 from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.pods.own import OWN
-from robovast_operator.pods.pod_events import hook_trouble, last_success, trouble_of_events
+from robovast_operator.pods.pod_events import (
+    DENIALS,
+    hook_trouble,
+    last_success,
+    problem_of_events,
+    trouble_of_events,
+)
 from robovast_operator.pods.pod_status import is_stuck, trouble_of
 from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
 from robovast_operator.pods.stalls import RECOVERY, cause_of, may_store, unseen_cause
@@ -132,8 +139,8 @@ class Diagnosis:
         if pod and known.motion.still_for() > STORING_PATIENCE:
             logs = f"kubectl logs -n {identity.namespace} {pod} -c agent"
             message = (
-                f"all Jobs have ended, but the pod {pod} may still store results, and the index "
-                f"waits for it: see `{logs}`, or delete the pod."
+                f"All Jobs have finished, but pod {pod} may still store results, so the index "
+                f"waits for the pod. Read the log with `{logs}`, or delete the pod."
             )
             known.trouble = Trouble(STORING, message)
         return bool(pod)
@@ -187,7 +194,11 @@ class Diagnosis:
             return
         if job.uid not in known.given_up:
             pods = [pod async for pod in self.pods_of(job)]
-            found = trouble_of(pods) or Trouble(job.reason, f"the Job {job.name}: {job.message}")
+            found = trouble_of(pods) or Trouble(
+                job.reason,
+                f"Job {job.name} failed{after_colon(job.message)}. Inspect the Job with `kubectl "
+                f"describe job -n {job.namespace} {job.name}`.",
+            )
             known.given_up[job.uid] = Trouble(found.reason, found.message, final=True)
         told = known.given_up[job.uid]
         if job.role in {"shard", "propose"}:
@@ -256,10 +267,12 @@ class Diagnosis:
         events = [event async for event in _first(found)]
         if oldest:
             return hook_trouble(oldest, events) or trouble_of_events(events, last_success(oldest))
-        problem = trouble_of_events(events, last_success(*seen, since=job.started))
-        if problem is None or problem.reason not in {"QuotaExceeded", "RequestDenied"}:
-            return problem
-        return replace(problem, message=await self._explained(job, problem.message))
+        last_progress = last_success(*seen, since=job.started)
+        problem = problem_of_events(events, last_progress)
+        if problem is None or problem[0] not in DENIALS:
+            return trouble_of_events(events, last_progress)
+        reason, refusal = problem
+        return Trouble(reason, await self._explained(job, refusal))
 
     async def _explained(self, job: JobState, refusal: str) -> str:
         """Explain the refusal of a Job's pods by the quotas and limits of its namespace."""
@@ -267,8 +280,12 @@ class Diagnosis:
         async for obj in self._api.list(paths.jobs(job.namespace), **named):
             pod = mapping(mapping(mapping(obj.get("spec")).get("template")).get("spec"))
             why = explain(refusal, pod, await self._limits.read(job.namespace), OWN)
-            return f"{why} The API server: {refusal}" if why else refusal
-        return refusal
+            if why:
+                return f"{why} Message of the API server: {clause(refusal)}."
+        return (
+            f"The API server rejects the pods of the Job {job.name}: {clause(refusal)}. Ask your "
+            "cluster administrator."
+        )
 
 
 def _reports(known: PodsCache, jobs: Mapping[str, JobState]) -> dict[str, Mapping[int, Report]]:

@@ -44,7 +44,7 @@ from robovast_operator.settings import Settings
 
 LOGGER = logging.getLogger(__name__)
 
-TOO_LARGE = "TooLarge"
+TOO_LARGE = "DocumentTooLarge"
 """Reason of the rejection of a spec whose expansion exceeded its bounds."""
 SOURCE_LABEL = "robovast.io/source"
 """Label of ConfigMaps that Campaigns may read; its value is `true`."""
@@ -180,8 +180,8 @@ class Inputs:
         if found is None:
             return Rejected(
                 "SourceNotFound",
-                f"spec.source.configMap: the namespace {identity.namespace} has no ConfigMap "
-                f"`{source.name}`",
+                f"Namespace {identity.namespace} has no ConfigMap `{source.name}`. Create the "
+                "ConfigMap, or change spec.source.configMap.",
             )
         labels = mapping(metadata(found).get("labels"))
         if labels.get(SOURCE_LABEL) == "true" or identity.labels.items() <= labels.items():
@@ -189,10 +189,10 @@ class Inputs:
         name = str(metadata(found).get("name"))
         return Rejected(
             "SourceNotAllowed",
-            f"spec.source.configMap: the ConfigMap `{name}` does not have the label "
-            f'{SOURCE_LABEL}: "true", so Campaigns cannot read it. If everyone who can create '
-            f"Campaigns in the namespace {identity.namespace} may read its content, run `kubectl "
-            f"label configmap {name} {SOURCE_LABEL}=true -n {identity.namespace}`.",
+            f"ConfigMap `{name}` of spec.source.configMap does not have the label "
+            f'{SOURCE_LABEL}: "true", so Campaigns cannot read the ConfigMap. If every user who '
+            f"can create Campaigns in namespace {identity.namespace} may read the ConfigMap, run "
+            f"`kubectl label configmap {name} {SOURCE_LABEL}=true -n {identity.namespace}`.",
         )
 
     async def _config_map(self, namespace: str, name: str) -> Object | None:
@@ -353,8 +353,8 @@ class Inputs:
         found = await self._load_revisions(identity, known)
         if not found or found[-1].number < number:
             raise InputError(
-                f"there is a ConfigMap {name} already, which is none of this campaign's plans. "
-                f"Remove it: `kubectl delete configmap {name} -n {identity.namespace}`."
+                f"ConfigMap {name} exists but does not belong to this campaign. Remove the "
+                f"ConfigMap with `kubectl delete configmap {name} -n {identity.namespace}`."
             )
 
     async def withdrawn(

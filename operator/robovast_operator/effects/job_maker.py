@@ -50,7 +50,8 @@ class JobMaker:
         for job in moved:
             text = (
                 f"The address of the S3 server has changed from {job.address} to "
-                f"{accepted.address}. The Job {job.name} is created again; stored runs are kept."
+                f"{accepted.address}. The operator creates the Job {job.name} again. Stored runs "
+                "are kept."
             )
             message = Message("Normal", "StorageMoved", text, job.uid)
             await announce(self._api, accepted.identity, message)
@@ -79,8 +80,8 @@ class JobMaker:
         names = " ".join(sorted(taken))
         return Trouble(
             "NameConflict",
-            f"others have made Jobs under names that this campaign needs, and it waits: {names}. "
-            f"`kubectl delete job -n {identity.namespace} {names}` removes them.",
+            f"Other owners use the names of Jobs that this campaign needs: {names}. To delete "
+            f"these Jobs, run `kubectl delete job -n {identity.namespace} {names}`.",
         )
 
     async def _look(self, identity: Identity, name: str, taken: set[str]) -> None:

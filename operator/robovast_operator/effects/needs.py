@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from robovast.kubeapi.resources import ASSETS_LABEL
 from robovast.model.document.assets import Assets
-from robovast.model.document.gpus import NOT_COUNTED, REMEDY, asks_in_vain
+from robovast.model.document.gpus import NO_GPU, REMEDY, asks_in_vain
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import mapping, mappings, metadata, text
@@ -32,7 +32,9 @@ class Needs:
     async def missing(self, accepted: Accepted) -> Rejected | None:
         """The rejection of a campaign that lacks something; None if all of it is there."""
         if asks_in_vain(accepted.vast.execution):
-            message = f"execution.kubernetes.gpu_resource: {NOT_COUNTED}. {REMEDY}"
+            message = (
+                f"The .vast file sets execution.kubernetes.gpu_resource, but {NO_GPU}. {REMEDY}"
+            )
             return Rejected("InvalidDocument", message)
         assets = accepted.vast.execution.kubernetes.assets
         for one in assets:
@@ -53,15 +55,17 @@ class Needs:
         if claim is None:
             return Rejected(
                 "AssetsNotFound",
-                f"execution.kubernetes.assets: the namespace {namespace} has no "
-                f"PersistentVolumeClaim `{name}` (`kubectl get pvc -n {namespace}`)",
+                f"Namespace {namespace} has no PersistentVolumeClaim `{name}`. Set "
+                "execution.kubernetes.assets to an existing PersistentVolumeClaim (`kubectl get "
+                f"pvc -n {namespace}`).",
             )
         if mapping(metadata(claim).get("labels")).get(ASSETS_LABEL) == "true":
             return None
         return Rejected(
             "AssetsNotAllowed",
-            f"execution.kubernetes.assets: campaigns may not read the claim `{name}`. Who looks "
-            f"after it allows that: `kubectl label pvc -n {namespace} {name} {ASSETS_LABEL}=true`",
+            f"Campaigns may not read the PersistentVolumeClaim `{name}` of "
+            "execution.kubernetes.assets. Ask the owner of the PersistentVolumeClaim to run "
+            f"`kubectl label pvc -n {namespace} {name} {ASSETS_LABEL}=true`.",
         )
 
     async def _devices(self, namespace: str, templates: Sequence[str]) -> Rejected | None:
@@ -70,17 +74,18 @@ class Needs:
         if served is None:
             return Rejected(
                 "DevicesNotSupported",
-                "execution.kubernetes.device_claims: this cluster has no dynamic resource "
-                "allocation (Kubernetes has it by default from 1.34 on). Ask for `gpu` instead",
+                "The cluster does not support execution.kubernetes.device_claims, because dynamic "
+                "resource allocation is missing (default in Kubernetes 1.34 and newer). Use `gpu` "
+                "instead.",
             )
         version = text(mapping(served.get("preferredVersion")).get("version"))
         for name in templates:
             if await self._find(paths.claim_template(version, namespace, name)) is None:
                 return Rejected(
                     "DevicesNotFound",
-                    f"execution.kubernetes.device_claims: the namespace {namespace} has no "
-                    f"ResourceClaimTemplate `{name}` "
-                    f"(`kubectl get resourceclaimtemplates -n {namespace}`)",
+                    f"Namespace {namespace} has no ResourceClaimTemplate `{name}`. Set "
+                    "execution.kubernetes.device_claims to an existing ResourceClaimTemplate "
+                    f"(`kubectl get resourceclaimtemplates -n {namespace}`).",
                 )
         return None
 
@@ -109,9 +114,9 @@ class Needs:
             return None
         return Rejected(
             "AssetsNotSupported",
-            "execution.kubernetes.assets: this cluster has no image volumes (Kubernetes has them "
-            "by default from 1.35 on, before by the feature gate ImageVolume). Put the files into "
-            "a claim instead",
+            "The cluster does not support images in execution.kubernetes.assets, because image "
+            "volumes are missing (default in Kubernetes 1.35 and newer, or with the feature gate "
+            "ImageVolume). Use a PersistentVolumeClaim instead.",
         )
 
 

@@ -13,6 +13,7 @@ from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.events import Message
 from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.sentences import clause, sentence
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Rejected
 from robovast_operator.pods.jobs import plan_config_map, task_job
@@ -104,11 +105,11 @@ class Purge:
         """Why a Job could not remove the bucket, and how to try again."""
         found = trouble_of([pod async for pod in self._diagnosis.pods_of(job)])
         why = found.message if found is not None else job.message
-        return f"{why.rstrip('. ')}. To try again: `kubectl delete job {job.name}`."
+        return f"{clause(why)}. To try again, run `kubectl delete job {job.name}`."
 
     async def _tell_that_it_waits(self, obj: Object, why: str) -> None:
         """Report by an Event why no Job can remove the bucket."""
-        text = f"its bucket stays, and so does the Campaign: {why}"
+        text = sentence(f"The bucket and the Campaign cannot be deleted: {why}")
         message = Message("Warning", "DeletionIncomplete", text, why)
         await announce(self._api, Identity.of(obj), message)
 

@@ -104,7 +104,7 @@ class Queues:
         known = before and before.place
         if known and known.summary == place.summary:
             place = known  # a start that is expected a moment earlier or later is no news
-        message = f"waits in the queue {job.queue}: place {place.summary}"
+        message = f"The campaign waits in queue {job.queue}, position {place.summary}."
         return replace(found, message=message, place=place)
 
     async def _without_class(self, job: JobState) -> Waiting | None:
@@ -230,11 +230,11 @@ def _nothing(job: JobState, *, stalled: bool) -> Waiting | None:
     if not job.queue:
         return None
     if not stalled:
-        return Waiting(job.name, "Waiting", f"waits in the queue {job.queue}")
+        return Waiting(job.name, "Queued", f"The campaign waits in queue {job.queue}.")
     # An operator of single namespaces may not look for classes, which are the cluster's.
     having = f", with a WorkloadPriorityClass {job.priority}" if job.priority else ""
     message = (
-        f"Kueue does not admit the Job to the queue {job.queue}. Check that Kueue is "
+        f"Kueue does not admit the Job {job.name} to queue {job.queue}. Check that Kueue is "
         f"installed{having} and manages the namespace {job.namespace}, or remove spec.queueName."
     )
     return Waiting(job.name, "NoKueue", message, helpless=True)

@@ -117,7 +117,7 @@ class Statuses:
         old = read_status(CampaignStatus, obj.get("status"))
         status = CampaignStatus(
             observed_generation=obj["metadata"]["generation"],
-            state="Composing",
+            state="Expanding",
             campaign=accepted.campaign,
             bucket=accepted.bucket,
             endpoint=accepted.endpoint,

@@ -53,7 +53,11 @@ def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Mes
             continue  # another condition says the same
         told.add((condition.reason, condition.message))
         change = " ".join((condition.type, condition.status, *was))
-        yield Message(kind, condition.reason, condition.message or condition.type, change)
+        yield Message(kind, condition.reason, condition.message or _default(condition), change)
+
+
+def _default(condition: Condition) -> str:
+    return f"The condition {condition.type} is {condition.status}."
 
 
 def event(identity: Identity, message: Message, now: str) -> Object:

@@ -30,8 +30,12 @@ from robovast.model.packs import RUNS_LIMIT, CampaignPlan, Entry, format_breaks,
 from robovast.model.plan import breaks
 from robovast.model.variations.loader import all_pure
 from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.sentences import sentence, with_remedy
 from robovast_operator.planning.campaign import Accepted, Rejected
+from robovast_operator.planning.configurations import spec_message
 from robovast_operator.settings import Settings
+
+FIX_DOCUMENT = "Fix the .vast file and apply the Campaign again."
 
 
 def metadata_refusal(scheduling: Scheduling, settings: Settings) -> str:
@@ -43,9 +47,9 @@ def metadata_refusal(scheduling: Scheduling, settings: Settings) -> str:
         refused = sorted(keys.keys() - set(allowed))
         if refused:
             return (
-                f"spec.scheduling.{place} may not set `{refused[0]}`. Allowed are: "
-                f"{', '.join(sorted(allowed)) or 'none'}. Your cluster administrator can allow "
-                f"further ones by the chart value `policies.podMetadata.{value}`."
+                f"The Campaign may not set `{refused[0]}` in spec.scheduling.{place}. Allowed keys "
+                f"are: {', '.join(sorted(allowed)) or 'none'}. Ask your cluster administrator to "
+                f"allow further keys with the chart value `policies.podMetadata.{value}`."
             )
     return ""
 
@@ -64,7 +68,7 @@ def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | R
         mounted = spec.model_copy(update={"notifications": []})  # runs do not depend on those
         refused = refusal(mounted, settings.secret_names)
         if refused:
-            return Rejected("SecretNotAllowed", refused)
+            return Rejected("SecretNotAllowed", sentence(f"The Campaign is rejected: {refused}"))
         refused = metadata_refusal(spec.scheduling, settings)
         if refused:
             return Rejected("PodMetadataNotAllowed", refused)
@@ -78,29 +82,38 @@ def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | R
             return made
         return replace(made, inputs=_digests(files, made.document_name))
     except ValidationError as error:
-        return Rejected("InvalidSpec", _spec_message(error))
+        return _invalid_spec(spec_message(error))
     except DocumentError as error:
-        return Rejected("InvalidDocument", str(error))
+        return invalid_document(str(error))
     except RobovastError as error:
-        return Rejected("Invalid", str(error))
+        return _invalid(str(error))
     except RecursionError:
-        return Rejected("InvalidSpec", "spec.vast is nested too deeply to be a document")
+        return _invalid_spec("spec.vast is nested too deeply")
     except (ValueError, binascii.Error) as error:
-        return Rejected("InvalidSpec", str(error))
+        return _invalid_spec(str(error))
+
+
+def invalid_document(problems: str) -> Rejected:
+    """Return the rejection of a Campaign whose document is invalid."""
+    message = with_remedy("The .vast file is invalid", problems, FIX_DOCUMENT)
+    return Rejected("InvalidDocument", message)
+
+
+def _invalid_spec(problems: str) -> Rejected:
+    remedy = "Fix the spec and apply the Campaign again."
+    message = with_remedy("The spec of the Campaign is invalid", problems, remedy)
+    return Rejected("InvalidSpec", message)
+
+
+def _invalid(problems: str) -> Rejected:
+    remedy = "Fix the cause and apply the Campaign again."
+    return Rejected("Invalid", with_remedy("The Campaign is invalid", problems, remedy))
 
 
 def _digests(files: Files, document: str) -> dict[str, str]:
     """SHA-256 of the files beside a document, which stands in the plan itself."""
     others = {path: content for path, content in files.items() if path != document}
     return {path: hashlib.sha256(content).hexdigest() for path, content in others.items()}
-
-
-def _spec_message(error: ValidationError) -> str:
-    lines = []
-    for problem in error.errors():
-        where = ".".join(str(part) for part in ("spec", *problem["loc"]))
-        lines.append(f"{where}: {problem['msg']}")
-    return "\n".join(lines)
 
 
 def _document_text(spec: CampaignSpec, identity: Identity, files: Files | None) -> str:
@@ -145,8 +158,10 @@ def _checked(
         accepted = _accepted(identity, spec, document.vast, text, settings)
         return accepted if isinstance(accepted, Rejected) else _expanded(document, accepted)
     except RobovastError as error:
-        reason = "InvalidDocument" if isinstance(error, DocumentError) else "Invalid"
-        return Rejected(reason, str(error).replace(f"{folder}/", ""))
+        problems = str(error).replace(f"{folder}/", "")
+        return (
+            invalid_document(problems) if isinstance(error, DocumentError) else _invalid(problems)
+        )
 
 
 def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
@@ -170,8 +185,8 @@ def _planned(accepted: Accepted) -> Accepted | Rejected:
     if total <= RUNS_LIMIT:
         return accepted
     message = (
-        f"the campaign would have {total:,} runs, more than {RUNS_LIMIT:,}: lower "
-        "`execution.runs`, or divide it into several"
+        f"The campaign would have {total:,} runs, but at most {RUNS_LIMIT:,} are allowed. Lower "
+        "`execution.runs`, or split the campaign."
     )
     return Rejected("TooManyRuns", message)
 
@@ -182,20 +197,21 @@ def _accepted(
     """Check what needs no files: limits, image, resources."""
     image = spec.image or vast.execution.image
     if not image:
-        return Rejected("NoImage", "no image is named: set `execution.image` in the document")
+        message = "The .vast file names no image. Set `execution.image`."
+        return Rejected("NoImage", message)
     if vast.search is not None and spec.select:
-        message = "a search has no configurations to select from: leave out spec.select"
+        message = "A search has no configurations to select. Remove spec.select."
         return Rejected("InvalidSpec", message)
     if spec.reuse and not {"*", identity.namespace} & set(settings.reuse_namespaces):
         return Rejected(
             "ReuseNotAllowed",
-            f"spec.reuse: Campaigns of the namespace {identity.namespace} cannot reuse runs. "
-            "Remove spec.reuse (`--reuse`), or ask your cluster administrator to add the namespace "
-            "to the chart value policies.reuseNamespaces",
+            f"Campaigns in namespace {identity.namespace} cannot reuse runs. Remove spec.reuse "
+            "(`--reuse`), or ask your cluster administrator to add the namespace to the chart "
+            "value policies.reuseNamespaces.",
         )
     why = _not_reusable(spec, vast, image)
     if why:
-        return Rejected("InvalidSpec", f"spec.reuse: {why}")
+        return Rejected("InvalidSpec", why)
     check_amounts(vast.execution, spec.cluster or "", settings.work_limit)
     return Accepted(
         identity=identity,
@@ -210,29 +226,34 @@ def _accepted(
 
 
 def _not_reusable(spec: CampaignSpec, vast: Vast, image: str) -> str:
-    """Why no run can be taken over; empty if some may be, or if that is not requested."""
+    """Return why no run can be reused; empty if runs can be reused, or if reuse is not set."""
     if not spec.reuse:
         return ""
     if vast.execution.seed is None:
-        return "each campaign draws other seeds; set `execution.seed` in the document"
+        return (
+            "A campaign with spec.reuse needs a fixed seed. Set `execution.seed` in the .vast file."
+        )
     if not named_digest(image):
-        return f"the content of {image} can change; name it with its digest: IMAGE@sha256:…"
+        return (
+            f"A campaign with spec.reuse needs an image with a digest, but {image} has none. Use "
+            "IMAGE@sha256:DIGEST."
+        )
     for assets in vast.execution.kubernetes.assets:
         if not named_digest(assets.image or ""):
             return (
-                f"what is mounted at {assets.path} can change; use assets of an image with its "
-                "digest: IMAGE@sha256:…"
+                f"A campaign with spec.reuse needs assets with a digest, but the assets at "
+                f"{assets.path} have none. Use an image: IMAGE@sha256:DIGEST."
             )
     if vast.search is not None:
-        return "a search scores the runs that it has proposed itself; leave it out"
+        return "A search cannot reuse runs of other campaigns. Remove spec.reuse."
     return ""
 
 
 DOCUMENT_CHANGED = Rejected(
     "DocumentChanged",
-    "spec.vast has changed after its runs were planned; only `execution.runs` may, or its `max`, "
-    "and `budget` and `stopping` of a search. Undo the change, or create another Campaign for it. "
-    "The planned runs continue.",
+    "The field spec.vast has changed after the runs were planned. Only `execution.runs` (or "
+    "`execution.runs.max`), and `budget` and `stopping` of a search may change. Undo the change, "
+    "or create another Campaign. The planned runs continue.",
 )
 
 
@@ -244,9 +265,9 @@ def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected
         return None
     return Rejected(
         "SourceChanged",
-        f"spec.source: the file `{names[0]}` is not the one that the runs were planned with, whose "
-        f"SHA-256 is {before[names[0]]}. All runs of a campaign have one input: put it back, or "
-        "create another Campaign. Runs that are in progress continue.",
+        f"The file `{names[0]}` of spec.source differs from the file that the runs were planned "
+        f"with (SHA-256 {before[names[0]]}). Restore the file, or create another Campaign. Runs "
+        "that are in progress continue.",
     )
 
 
@@ -275,6 +296,22 @@ def _fixed(vast: Mapping[str, object]) -> dict[str, object]:
     return {**vast, "execution": {**execution, "runs": rule}}
 
 
+def failed_task(task: str, error: str | None, reason: str) -> Rejected:
+    """Return the rejection of a Campaign whose expansion or search Job failed.
+
+    Args:
+        task: `expansion` or `search`.
+        error: message of the pod; None if there is none.
+        reason: of the failure.
+    """
+    if not error:
+        message = f"The {task} Job ended without a message. Read the log of the {task} Job."
+        return Rejected(reason, message)
+    if reason == "InvalidDocument":
+        return invalid_document(error)
+    return Rejected(reason, sentence(error, f"The {task} Job failed: "))
+
+
 def with_composition(
     accepted: Accepted, composed: Composed | str | None, limit: int, reason: str
 ) -> Accepted | Rejected:
@@ -287,14 +324,14 @@ def with_composition(
         reason: why the Job failed, in one word.
     """
     if not isinstance(composed, Composed):
-        return Rejected(reason, composed or "the compose Job ended without a message; see its log")
+        return failed_task("expansion", composed, reason)
     names = [entry.name for entry in accepted.vast.configuration or [DEFAULT_ENTRY]]
     counts, cuts = composed.counts, composed.breaks
     if len(counts) != len(names) or sum(counts) > limit or not is_breaks(cuts, sum(counts)):
-        told = f"{sum(counts):,} configurations of {len(counts)} entries"
         message = (
-            f"the compose Job reports {told}; this document has {len(names)} entries and may have "
-            f"{limit:,} configurations"
+            f"The expansion Job reports {sum(counts):,} configurations in {len(counts)} entries, "
+            f"but the .vast file has {len(names)} entries and at most {limit:,} configurations are "
+            "allowed. Check the variation plugins."
         )
         return Rejected("InvalidDocument", message)
     entries = tuple(
@@ -303,6 +340,7 @@ def with_composition(
         if number
     )
     if not entries:
-        return Rejected("NothingSelected", "no configuration is selected: see spec.select")
+        message = "No configuration is selected. Check spec.select."
+        return Rejected("NothingSelected", message)
     found = replace(accepted, entries=entries, breaks=cuts, composed=composed.digest)
     return _planned(found)

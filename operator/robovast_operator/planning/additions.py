@@ -11,9 +11,15 @@ from pydantic import ValidationError
 from robovast.kubeapi.source_files import Files
 from robovast.model.packs import RUNS_LIMIT, Entry
 from robovast_operator.kube.objects import Object
-from robovast_operator.planning.accept import accept
+from robovast_operator.planning.accept import FIX_DOCUMENT, accept
 from robovast_operator.planning.campaign import Accepted, Rejected
-from robovast_operator.planning.configurations import added_entries, entry_name, reference
+from robovast_operator.planning.configurations import (
+    FIX_CONFIGURATION,
+    added_entries,
+    entry_name,
+    invalid_configuration,
+    reference,
+)
 from robovast_operator.planning.revisions import Addition, Planned
 from robovast_operator.settings import Settings
 
@@ -51,10 +57,13 @@ def with_additions(
         planned: what was planned before, which stays as it is even if Configurations change.
     """
     if not accepted.pure:
-        told = "runs can only be added to a campaign whose variations are all built in"
+        problem = "Runs can be added only to a campaign whose variations are all built in."
         if accepted.is_search:
-            told = "a search proposes its runs itself: none can be added"
-        return Additions(problems={item["metadata"]["name"]: told for item in added})
+            problem = "Runs cannot be added to a search."
+        remedy = "Delete the Configuration, or create another Campaign."
+        return Additions(
+            problems={item["metadata"]["name"]: f"{problem} {remedy}" for item in added}
+        )
     taken = {str(entry["name"]) for entry in _written(obj)}
     found: list[Addition] = []
     problems: dict[str, str] = {}
@@ -67,7 +76,7 @@ def with_additions(
     for item, mark in zip(added, marks, strict=True):
         entry, name = planned.of(item) or known.get(mark), entry_name(item)
         if name in taken:
-            entry = f"the campaign has an entry `{name}` already; results are kept by name"
+            entry = f"The campaign already has a configuration `{name}`. Set another spec.name."
         if entry is None:
             unknown[mark] = item
             continue
@@ -75,7 +84,10 @@ def with_additions(
         if isinstance(entry, Entry):
             more = entry.variants * max(0, runs - planned.runs.get(name, 0))
             if total + more > RUNS_LIMIT:
-                entry = f"the campaign would have {total + more:,} runs, more than {RUNS_LIMIT:,}"
+                entry = (
+                    f"The campaign would have {total + more:,} runs, but at most {RUNS_LIMIT:,} "
+                    "are allowed. Lower spec.runs."
+                )
             else:
                 total += more
         if isinstance(entry, str):
@@ -101,13 +113,16 @@ def expand_alone(obj: Object, item: Object, files: Files | None, settings: Setti
     try:
         (entry,) = added_entries([item])
     except ValidationError as error:
-        return str(error)
+        return invalid_configuration(error)
     scenario = {k: v for e in _written(obj) for k, v in e.items() if k == "scenario_file"}
     vast = {**obj["spec"]["vast"], "configuration": [scenario | entry]}
     alone = accept({**obj, "spec": {**obj["spec"], "select": [], "vast": vast}}, files, settings)
     if isinstance(alone, Rejected):
-        return alone.message
-    return alone.entries[0] if alone.entries else "it expands to no configuration"
+        return alone.message.replace(FIX_DOCUMENT, FIX_CONFIGURATION)
+    return alone.entries[0] if alone.entries else NOTHING
+
+
+NOTHING = "The Configuration expands to no parameter values. Check spec.variations."
 
 
 def _written(obj: Object) -> list[Object]:

@@ -162,7 +162,9 @@ class Apart:
         kept = {k: d for k, d in self._delays.items() if d.ends + LONGEST_DELAY > now}
         seconds = min(LONGEST_DELAY, 2 * kept[who].seconds if who in kept else FIRST_DELAY)
         self._delays = {**kept, who: _Delay(seconds, now + seconds)}
-        return TooLargeError(f"{error} A change is checked after {seconds:g} s at the earliest.")
+        return TooLargeError(
+            f"{error} The operator checks a change after {seconds:g} s at the earliest."
+        )
 
 
 class _Process:
@@ -184,14 +186,17 @@ class _Process:
         try:
             self._process.start()
         except RecursionError:
-            raise InputError("spec.vast is nested too deeply to be a document.") from None
+            raise InputError(
+                "The field spec.vast is nested too deeply. Simplify the .vast file."
+            ) from None
         self._sender.close()
         try:
             self._receive(START_SECONDS)
             found: tuple[bool, Any] = self._receive(self._seconds)
         except EOFError:
             raise TooLargeError(
-                f"{_TOO_MUCH}: its process ended, probably for lack of memory."
+                "The process that expands the .vast file ended, probably for lack of memory. "
+                f"{_SMALLER}"
             ) from None
         finally:
             self.end()
@@ -201,7 +206,9 @@ class _Process:
 
     def _receive(self, seconds: float) -> Any:
         if not self._receiver.poll(seconds):
-            raise TooLargeError(f"{_TOO_MUCH} (it takes longer than {seconds:g} s).")
+            raise TooLargeError(
+                f"The expansion of the .vast file takes longer than {seconds:g} s. {_SMALLER}"
+            )
         return self._receiver.recv()
 
     def end(self) -> None:
@@ -210,10 +217,7 @@ class _Process:
             self._process.kill()
 
 
-_TOO_MUCH = (
-    "the document needs more than the operator spends on one. Give fewer or smaller values, or "
-    "divide it into several Campaigns"
-)
+_SMALLER = "Use fewer or smaller values, or split the .vast file into several Campaigns."
 
 
 def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) -> None:
@@ -232,7 +236,10 @@ def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) ->
     except MemoryError:
         answer = (
             False,
-            TooLargeError(f"{_TOO_MUCH} (it takes more than {bounds.memory >> 20} MiB)."),
+            TooLargeError(
+                f"The expansion of the .vast file needs more than {bounds.memory >> 20} MiB. "
+                f"{_SMALLER}"
+            ),
         )
     except Exception as error:
         answer = False, error

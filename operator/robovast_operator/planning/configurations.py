@@ -9,12 +9,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
+from pydantic import ValidationError
+
 from robovast.base.ranges import Span, clip, count, parse_ranges
 from robovast.kubeapi.resources import API_VERSION, ENTRY_KEYS, ConfigurationSpec
 from robovast.kubeapi.status import CampaignStatus, ConfigurationStatus, Runs, read_status
 from robovast.model.packs import Block, Entry
 from robovast_operator.kube.conditions import Found, dated, is_true
 from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.sentences import sentence, with_remedy
 from robovast_operator.planning.campaign import Accepted, Revision
 
 NAME_LIMIT = 200
@@ -23,8 +26,8 @@ NAME_LIMIT = 200
 NOT_FOUND, NOT_ACCEPTED = "CampaignNotFound", "CampaignNotAccepted"
 
 WAITING = {
-    NOT_FOUND: "it waits for the Campaign {}, which does not exist in this namespace",
-    NOT_ACCEPTED: "it waits until the Campaign {} is accepted, whose condition Accepted says more",
+    NOT_FOUND: "Campaign {} does not exist in this namespace. Create the Campaign.",
+    NOT_ACCEPTED: "Campaign {} is not accepted. Read the condition Accepted of the Campaign.",
 }
 """What a Configuration waits for, by reason."""
 
@@ -118,6 +121,24 @@ def added_entries(added: Iterable[Object]) -> list[dict[str, Any]]:
     return made
 
 
+FIX_CONFIGURATION = "Fix the spec and apply the Configuration again."
+
+
+def invalid_configuration(error: ValidationError) -> str:
+    """Return the message about a Configuration whose spec is invalid."""
+    problems = spec_message(error)
+    return with_remedy("The spec of the Configuration is invalid", problems, FIX_CONFIGURATION)
+
+
+def spec_message(error: ValidationError) -> str:
+    """Return the problems of a spec, one a line, each with the key."""
+    lines = []
+    for problem in error.errors():
+        where = ".".join(str(part) for part in ("spec", *problem["loc"]))
+        lines.append(f"{where}: {problem['msg']}")
+    return "\n".join(lines)
+
+
 def reference(obj: Object) -> Object:
     """Reference to a Configuration, as a plan stores it."""
     return {
@@ -156,7 +177,8 @@ class ConfigurationStatuses:
         problem, name = self._problems.get(obj["metadata"]["name"], ""), entry_name(obj)
         truth: Found = ("Accepted", "True", "Valid", "")
         if problem:
-            truth = ("Accepted", "False", "Invalid", problem)
+            message = sentence(problem, "The Configuration is invalid: ")
+            truth = ("Accepted", "False", "Invalid", message)
         runs = self._runs(self._spans.get(name, []))
         return ConfigurationStatus(
             observed_generation=generation,

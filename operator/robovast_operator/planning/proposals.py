@@ -12,6 +12,8 @@ from robovast.base.ranges import clip, format_ranges, merge, parse_ranges, shift
 from robovast.kubeapi.pod_contract.messages import Proposed
 from robovast.kubeapi.status import SearchStatus
 from robovast.model.packs import RUNS_LIMIT, Block, Entry, PlanSpec
+from robovast_operator.kube.sentences import clause
+from robovast_operator.planning.accept import failed_task
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 
 ENTRY = "search"
@@ -41,9 +43,9 @@ def grown(
     before = newest.plan.blocks if newest else ()
     variants = known + said.variants
     if not said.digest:
-        raise ValueError("it names no list of variants")
+        raise ValueError("the list of configurations has no digest")
     if variants > limit:
-        raise ValueError(f"{variants:,} configurations are more than {limit:,}")
+        raise ValueError(f"there are {variants:,} configurations, more than {limit:,}")
     keys = ("first_variant", "variants", "first_run", "runs")
     more = [Block(**dict(zip(keys, given, strict=True))) for given in said.blocks]
     _check_order(before, more, variants)
@@ -55,9 +57,7 @@ def grown(
         breaks=_breaks(newest.plan.breaks if newest else "", known, said),
     )
     if len(plan.model_dump_json()) > _PLAN_LIMIT:
-        raise ValueError(
-            f"with {len(plan.blocks):,} blocks of runs it is too large for a ConfigMap"
-        )
+        raise ValueError(f"{len(plan.blocks):,} blocks of runs are too large for a ConfigMap")
     text = newest.document if newest else accepted.document_text
     entries = (Entry(name=ENTRY, variants=variants),)
     number = newest.number + 1 if newest else 0
@@ -77,9 +77,13 @@ def first_plan(
         reason: why the Job failed, in one word.
     """
     if not isinstance(said, Proposed):
-        return Rejected(reason, said or "the propose Job ended without a message; see its log")
+        return failed_task("search", said, reason)
     if said.stop:
-        return Rejected("NothingProposed", f"the search ends before any run: {said.stop_reason}")
+        message = (
+            f"The search ended before the first run: {clause(said.stop_reason)}. Check `search` in "
+            "the .vast file."
+        )
+        return Rejected("NothingProposed", message)
     try:
         return grown(accepted, (), said, name, limit)
     except ValueError as error:
@@ -87,8 +91,8 @@ def first_plan(
 
 
 def no_plan(why: object) -> str:
-    """The message about a propose Job whose words make no plan."""
-    return f"what the propose Job asks for makes no plan: {why}"
+    """Return the message about a propose Job that returned an invalid plan."""
+    return f"The search Job proposed invalid runs: {why}. Check the search strategy."
 
 
 def _check_order(before: Sequence[Block], more: Sequence[Block], variants: int) -> None:
@@ -103,9 +107,9 @@ def _check_order(before: Sequence[Block], more: Sequence[Block], variants: int) 
     for block in more:
         last = block.first_variant + block.variants
         if last > variants:
-            raise ValueError(f"it asks for runs of configuration {last - 1} of {variants}")
+            raise ValueError(f"runs of configuration {last - 1} of {variants} are requested")
         if any(runs != block.first_run for runs in _planned(planned, block)):
-            raise ValueError(f"its runs {block.first_run}-… are not those that come next")
+            raise ValueError(f"the runs from {block.first_run} on are not the next runs")
         planned.append(block)
 
 
@@ -120,9 +124,9 @@ def _check_awaited(before: PlanSpec | None, more: Sequence[Block], awaited: int 
     blocks = known + len(more)
     wanted = blocks if awaited is None else awaited
     if not ended <= wanted <= blocks:
-        raise ValueError(f"it waits for {wanted} blocks of runs, after {ended} and of {blocks}")
+        raise ValueError(f"{wanted} awaited blocks of runs are not between {ended} and {blocks}")
     if not more and wanted == ended:
-        raise ValueError("it asks for no runs, and has not ended")
+        raise ValueError("no runs are requested, and the search has not ended")
 
 
 def _planned(blocks: Sequence[Block], wanted: Block) -> set[int]:

@@ -18,9 +18,14 @@ from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, Block, CampaignPlan, Entry, PlanSpec, first_blocks
 from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.sentences import clause
 from robovast_operator.planning.accept import same_document
 from robovast_operator.planning.campaign import Accepted, Revision
-from robovast_operator.planning.configurations import added_entries, entry_name
+from robovast_operator.planning.configurations import (
+    added_entries,
+    entry_name,
+    invalid_configuration,
+)
 
 OWNERS_ANNOTATION = "robovast.io/owners"
 """Annotation with references to the Configurations of blocks, by number of the block, as JSON."""
@@ -49,12 +54,11 @@ class Addition:
 
 
 TAKEN = (
-    "runs of this name are in the campaign, of a Configuration that was deleted, and results are "
-    "kept by name: set another `spec.name`."
+    "The campaign has runs of a deleted Configuration with the same name. Set another `spec.name`."
 )
 CHANGED = (
-    "its runs were planned with other parameters, and go on with these; only `runs` may be raised. "
-    "Undo the change, or apply it as another Configuration."
+    "The Configuration has changed after the runs were planned. Only `runs` may be raised. Undo "
+    "the change, or apply the change as another Configuration. The planned runs continue."
 )
 
 
@@ -101,7 +105,7 @@ class Planned:
         try:
             (now,) = added_entries([item])
         except ValidationError as error:
-            return str(error)
+            return invalid_configuration(error)
         return self.expanded[name] if now == self.contents[name] else CHANGED
 
 
@@ -113,7 +117,7 @@ def _entries(revision: Revision) -> list[Object]:
     """
     found = _document(revision).get("configuration") or [{"name": DEFAULT_ENTRY.name}]
     if not isinstance(found, list) or not all(text(mapping(e).get("name")) for e in found):
-        raise _no_plan(revision.config_map, "its document has no list of configurations")
+        raise _no_plan(revision.config_map, "the .vast file has no list of configurations")
     return found
 
 
@@ -126,9 +130,9 @@ def _document(revision: Revision) -> Object:
     try:
         found = parse_yaml(revision.document)
     except ValueError as error:
-        raise _no_plan(revision.config_map, f"its document is none: {error}") from error
+        raise _no_plan(revision.config_map, f"the .vast file is invalid: {error}") from error
     if not isinstance(found, dict):
-        raise _no_plan(revision.config_map, "its document is none")
+        raise _no_plan(revision.config_map, "the .vast file is not a mapping")
     return found
 
 
@@ -179,7 +183,7 @@ def _revision(number: int, name: str, obj: Object) -> Revision:
     except (ValueError, TypeError, AttributeError) as error:
         raise _no_plan(name, str(error)) from error
     if plan.plan is None or not plan.plan.blocks:
-        raise _no_plan(name, "it plans no run")
+        raise _no_plan(name, "the plan contains no runs")
     held = {block: owner.model_dump() for block, owner in owners.items()}
     document = text(data.get(DOCUMENT_FILE))
     return Revision(number, name, plan.plan, plan.entries, held, document, plan.composed)
@@ -187,8 +191,8 @@ def _revision(number: int, name: str, obj: Object) -> Revision:
 
 def _no_plan(name: str, why: str) -> InputError:
     return InputError(
-        f"the ConfigMap {name} is not the plan that the operator made: {why}. Put it back from a "
-        "backup, or create another Campaign: what is stored stays in its bucket."
+        f"ConfigMap {name} is not the plan that the operator created: {clause(why)}. Restore the "
+        "ConfigMap from a backup, or create another Campaign. Stored results stay in the bucket."
     )
 
 
@@ -242,8 +246,8 @@ def next_revision(
     total = sum(block.size for block in blocks)
     if total > RUNS_LIMIT:
         raise InputError(
-            f"with those of its Configurations the campaign would have {total:,} runs, more than "
-            f"{RUNS_LIMIT:,}: `runs` cannot be raised so far."
+            f"The campaign and the added Configurations would have {total:,} runs, but at most "
+            f"{RUNS_LIMIT:,} are allowed. Lower `runs`."
         )
     plan = newest.plan.model_copy(update={"blocks": tuple(blocks)})
     plan = PlanSpec.model_validate(plan.model_dump())

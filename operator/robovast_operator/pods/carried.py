@@ -51,9 +51,9 @@ def carrying(job: Object, config_maps: Mapping[str, Object]) -> Object:
     size = sum(len(key.encode()) + len(text.encode()) for key, text in annotations.items())
     if size > MOST - _ROOM:
         raise InputError(
-            f"the document, its plan and its packed files have {size} bytes, and the Job that "
-            f"brings them to another cluster has room for {MOST - _ROOM}. Bring files by "
-            "spec.source.bundle or git, and divide a large document."
+            f"The .vast file, the plan and the packed input files have {size} bytes, but a Job for "
+            f"another cluster can carry at most {MOST - _ROOM} bytes. Move files to "
+            "spec.source.bundle or spec.source.git, or split the .vast file."
         )
     template["metadata"]["annotations"] = annotations
     return made
@@ -86,7 +86,10 @@ def _carry(
     items = []
     for wanted in source.get("items") or [{"key": key, "path": key} for key in keys]:
         if wanted["key"] not in keys:
-            raise InputError(f"the ConfigMap {source['name']} has no key `{wanted['key']}`.")
+            raise InputError(
+                f"ConfigMap {source['name']} has no key `{wanted['key']}`. Add the key, or change "
+                "spec.source.configMap."
+            )
         name = f"robovast.io/carried-{len(annotations)}"
         path, annotations[name] = item_of(found, wanted["key"], wanted["path"])
         field = {"fieldPath": f"metadata.annotations['{name}']"}

@@ -9,6 +9,7 @@ from robovast.kubeapi.pod_contract.messages import BadRun, Verdicts
 from robovast.kubeapi.pod_contract.pack_request import RUN
 from robovast_operator.kube.lenient import text
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.sentences import clause
 from robovast_operator.pods.findings import MISHAPS, Mishap
 from robovast_operator.pods.own import ending_of
 from robovast_operator.pods.pod_status import memory_limit, message_of, troubles_of
@@ -33,15 +34,17 @@ def _mishaps(pod: Object) -> Iterator[Mishap]:
     name, node = text(pod["metadata"].get("name")), text(pod["spec"].get("nodeName"), "?")
     causes = [trouble.message for trouble in troubles_of(pod)]
     if ending_of(pod, RUN).get("reason") == "OOMKilled":
-        causes.append(f"its run needed more than {memory_limit(pod, RUN)}")
+        causes.append(f"The run needed more than {memory_limit(pod, RUN)}.")
     if causes:
-        yield Mishap("PodFailed", name, one_line(f"the pod {name} on {node}: {causes[0]}"))
+        yield Mishap("PodFailed", name, one_line(f"Pod {name} on node {node} failed. {causes[0]}"))
     elif said is None:
         code = ending_of(pod, "agent").get("exitCode")
-        ended = "it is gone" if code is None else f"its agent ended with {code}"
-        yield Mishap("PodFailed", name, f"the pod {name} on {node} said nothing of runs: {ended}")
+        cause = "the pod has no agent" if code is None else f"the agent ended with exit code {code}"
+        message = f"Pod {name} on node {node} failed without a report: {cause}."
+        yield Mishap("PodFailed", name, message)
 
 
 def _run(bad: BadRun) -> Mishap:
     reason = "RunFailed" if bad.verdict == "failed" else "RunErrored"
-    return Mishap(reason, bad.run, one_line(f"{bad.run} has {bad.verdict}: {bad.reason}"))
+    message = f"Run {bad.run} {bad.verdict}: {clause(bad.reason)}."
+    return Mishap(reason, bad.run, one_line(message))

@@ -8,6 +8,7 @@ from datetime import datetime
 
 from robovast_operator.kube.lenient import mapping, mappings, text, time
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.sentences import clause
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.own import container_specs, containers_of, foreign_names
@@ -19,6 +20,9 @@ _CAUSES = {
     "FailedCreate": "RequestDenied",
 }
 """Reason of a Trouble by the reason of an Event that no pod status contains."""
+
+DENIALS = frozenset({"QuotaExceeded", "RequestDenied"})
+"""Reasons of a Trouble that the API server creates no pod."""
 
 _STEPS = frozenset({"Scheduled", "Pulled", "Created", "Started", "SuccessfulCreate"})
 """Reasons of Events that report progress."""
@@ -34,7 +38,27 @@ def trouble_of_events(events: Iterable[Object], last_progress: datetime) -> Trou
 
     Args:
         events: of the pod, or of the Job that creates pods.
-        last_progress: time of its last progress; earlier Events are ignored.
+        last_progress: time of the last progress; earlier Events are ignored.
+    """
+    found = problem_of_events(events, last_progress)
+    if found is None:
+        return None
+    reason, cause = found
+    what = "create a pod" if reason in DENIALS else "start a pod"
+    return Trouble(reason, f"Kubernetes cannot {what}: {clause(cause)}. {_CHECK}")
+
+
+_CHECK = (
+    "Check the Secrets, volumes and resources of the campaign, or ask your cluster administrator."
+)
+
+
+def problem_of_events(events: Iterable[Object], last_progress: datetime) -> tuple[str, str] | None:
+    """Return why a pod does not start: the reason of the condition, and the message of the Event.
+
+    Args:
+        events: of the pod, or of the Job that creates pods.
+        last_progress: time of the last progress; earlier Events are ignored.
     """
     known = [event for event in events if text(event.get("reason")) in {*_CAUSES, *_STEPS}]
     last = max(known, key=lambda event: (_time(event), event["reason"] in _STEPS), default={})
@@ -43,7 +67,7 @@ def trouble_of_events(events: Iterable[Object], last_progress: datetime) -> Trou
         return None
     message = text(last.get("message"))
     quota = reason == "RequestDenied" and "exceeded quota" in message
-    return Trouble("QuotaExceeded" if quota else reason, message)
+    return ("QuotaExceeded" if quota else reason), message
 
 
 def _time(event: Object) -> datetime:
@@ -104,8 +128,11 @@ def hook_trouble(pod: Object, events: Sequence[Object]) -> Trouble | None:
     begins = not (status.get("ready") or mapping(status.get("state")).get("terminated"))
     if not begins or "Started" not in reasons[name]:
         return None
-    how = "has started, but its `postStart` hook has not finished"
+    how = "has not finished the `postStart` hook"
     if name in foreign_names(pod):
         return foreign_trouble(pod, name, how)
-    where = f"the container {name} in the pod {pod['metadata']['name']}"
-    return Trouble("ContainerError", f"{where} {how}. The pod does not start before the hook ends.")
+    message = (
+        f"Container {name} in pod {pod['metadata']['name']} {how}. The pod starts when the hook "
+        "ends. Check the command of the hook."
+    )
+    return Trouble("ContainerError", message)

@@ -14,6 +14,7 @@ from robovast.kubeapi.pod_contract.pack_request import AGENT, INDEX_ANNOTATION, 
 from robovast.kubeapi.pod_contract.sightings import Sightings
 from robovast_operator.kube.lenient import LARGEST, mapping, mappings, number, ranges, text
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.sentences import after_colon, sentence
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.own import (
@@ -45,7 +46,7 @@ _EXITS = {
     AgentExit.STORAGE: "StorageUnavailable",
     AgentExit.REFUSED_AT_START: "StorageDenied",
     AgentExit.REFUSED: "StorageDenied",
-    INCOMPATIBLE: "Incompatible",
+    INCOMPATIBLE: "IncompatibleImage",
 }
 """Exit codes of our containers that are no verdicts."""
 
@@ -76,14 +77,14 @@ def trouble_of(pods: Iterable[Object]) -> Trouble | None:
 def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
     """The cause that explains the others."""
     ranked = (
-        *("Incompatible", "InvalidDocument", "InvalidPlan", "BucketConflict", "StorageDenied"),
-        *("ImagePullFailed", "ContainerConfigError", "ForeignContainer"),
+        *("IncompatibleImage", "InvalidDocument", "InvalidPlan", "BucketConflict"),
+        *("StorageDenied", "ImagePullFailed", "ContainerConfigError", "ForeignContainer"),
         *(
             "ContainerError",
             "OutOfMemory",
             "StorageUnavailable",
             "Evicted",
-            "Rejected",
+            "PodRejected",
             "NodeLost",
             "NoLogOutput",
         ),
@@ -93,8 +94,8 @@ def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
 
 
 _ROOM = (
-    "Compare what the nodes have (`kubectl describe nodes`) with what a pod asks for: "
-    "`execution.resources` and `execution.kubernetes` of the document, and `spec.scheduling`."
+    "Compare the resources of the nodes (`kubectl describe nodes`) with the requests of the pod: "
+    "`execution.resources` and `execution.kubernetes` of the .vast file, and `spec.scheduling`."
 )
 
 
@@ -103,14 +104,18 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
     status: Object = pod.get("status") or {}
     ended_by_us = has_verdict(pod) and foreign_names(pod)
     if status.get("phase") == "Failed" and text(status.get("reason")) and not ended_by_us:
-        reason = "Evicted" if status["reason"] == "Evicted" else "Rejected"
+        reason = "Evicted" if status["reason"] == "Evicted" else "PodRejected"
         node = text(pod["spec"].get("nodeName"), "?")
-        message = f"the node {node} has ended a pod ({status['reason']}): "
-        yield Trouble(reason, message + text(status.get("message")))
+        cause = after_colon(text(status.get("message")))
+        message = (
+            f"Node {node} terminated a pod ({status['reason']}){cause}. "
+            f"Inspect the node with `kubectl describe node {node}`."
+        )
+        yield Trouble(reason, message)
     for condition in status.get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
-            told = f"no node for the pod: {condition.get('message', '')}"
-            yield Trouble("Unschedulable", f"{told.rstrip('. ')}. {_ROOM}")
+            cause = after_colon(text(condition.get("message")))
+            yield Trouble("Unschedulable", f"No node can run the pod{cause}. {_ROOM}")
     yield from _foreign_troubles(pod)
     foreign = foreign_names(pod)
     for container in containers_of(pod):
@@ -130,8 +135,8 @@ def _foreign_troubles(pod: Object) -> Iterator[Trouble]:
     for container, how in blocking(pod):
         yield foreign_trouble(pod, container, how)
     if left := lingers(pod):
-        told = ", and keeps the pod alive although the work of the pod is done"
-        yield _of_foreign(pod, left[0], told)
+        effect = ", and keeps the pod alive although the work of the pod is done"
+        yield _of_foreign(pod, left[0], effect)
 
 
 def foreign_trouble(pod: Object, container: str, how: str) -> Trouble:
@@ -139,13 +144,13 @@ def foreign_trouble(pod: Object, container: str, how: str) -> Trouble:
     return _of_foreign(pod, container, f". The runs cannot start because that container {how}")
 
 
-def _of_foreign(pod: Object, container: str, told: str) -> Trouble:
+def _of_foreign(pod: Object, container: str, effect: str) -> Trouble:
     who = f"The container {container} in the pod {text(pod['metadata'].get('name'))}"
     remedy = (
         "Ask your cluster administrator why this container is added, or exclude the pods of the "
         "campaign by `spec.scheduling.podAnnotations` or `spec.scheduling.podLabels`."
     )
-    return Trouble("ForeignContainer", f"{who} is not part of the campaign{told}. {remedy}")
+    return Trouble("ForeignContainer", f"{who} is not part of the campaign{effect}. {remedy}")
 
 
 _ORDINARY = frozenset(
@@ -160,53 +165,80 @@ _ORDINARY = frozenset(
 def _ending(pod: Object, container: Object, ended: Object) -> Trouble | None:
     """The cause that a container's end shows; None if its end is a result."""
     name, code = container["name"], ended.get("exitCode")
-    told = error_in(ended.get("message") or "")
+    error = error_in(ended.get("message") or "")
     if ended.get("reason") in NEVER_STARTED:
-        return Trouble("ContainerError", f"the container {name} cannot start: {told}")
+        message = f"Container {name} cannot start{after_colon(error)}. {_inspect(pod)}"
+        return Trouble("ContainerError", message)
     if not is_own(pod, name):
         return None
     if code in _EXITS:
         reason = _EXITS[code]
         final = reason in _FINAL and (name, code) != (AGENT, AgentExit.REFUSED)
-        return Trouble(reason, told or f"{name}: exit {code}", final=final)
+        if not error:
+            message = f"Container {name} ended with exit code {code}. {_read_log(pod, name)}"
+        else:
+            message = sentence(error, f"Container {name} failed: ")
+        return Trouble(reason, message, final=final)
     if ended.get("reason") == "OOMKilled":
-        message = f"the container {name} needs more than {memory_limit(pod, name)}"
+        message = f"Container {name} needs more than {memory_limit(pod, name)}. {_MORE_MEMORY}"
         return Trouble("OutOfMemory", message)
     if code in _ORDINARY:
         return None
-    said = f"exit {code}" + (f": {told}" if told else "")
+    cause = f"exit code {code}{after_colon(error)}"
     if name == COMPAT:
-        image = container.get("image", "")
-        hint = "Is it built for the architecture of the node, and has it a shell?"
-        return Trouble("ContainerError", f"the image {image} cannot be executed ({said}). {hint}")
-    return Trouble("ContainerError", f"the container {name} fails ({said})")
+        message = (
+            f"Image {container.get('image', '')} cannot run ({cause}). Check that the image "
+            "matches the CPU architecture of the node and contains a shell."
+        )
+        return Trouble("ContainerError", message)
+    return Trouble("ContainerError", f"Container {name} failed ({cause}). {_read_log(pod, name)}")
+
+
+_MORE_MEMORY = "Raise the limit, or use a node with more memory."
+
+
+def _inspect(pod: Object) -> str:
+    """Return the sentence that names the command to inspect a pod."""
+    return f"Inspect the pod with `kubectl describe pod {_named(pod)}`."
+
+
+def _read_log(pod: Object, container: str) -> str:
+    """Return the sentence that names the command to read the log of a container."""
+    return f"Read the log with `kubectl logs {_named(pod)} -c {container}`."
+
+
+def _named(pod: Object) -> str:
+    """Return name and namespace of a pod as arguments of `kubectl`."""
+    meta = pod["metadata"]
+    return f"{text(meta.get('name'))} -n {text(meta.get('namespace'))}"
 
 
 _FINAL = frozenset(
-    {"Incompatible", "InvalidDocument", "InvalidPlan", "BucketConflict", "StorageDenied"}
+    {"IncompatibleImage", "InvalidDocument", "InvalidPlan", "BucketConflict", "StorageDenied"}
 )
 
 
 def _waiting_message(pod: Object, container: Object, waiting: Object) -> str:
-    name, told = container["name"], waiting.get("message", "")
+    name, cause = container["name"], text(waiting.get("message"))
     if _WAITING[waiting["reason"]] == "ImagePullFailed":
-        assets = next((image for image in _mounted_images(pod) if f'"{image}"' in told), None)
+        assets = next((image for image in _mounted_images(pod) if f'"{image}"' in cause), None)
         image = (
-            f"the image {assets} of `execution.kubernetes.assets`"
+            f"{assets} of `execution.kubernetes.assets`"
             if assets
-            else f"{_whose(pod, name)} {container.get('image', '')}"
+            else f"{container.get('image', '')} of {_user_of_image(pod, name)}"
         )
         return (
-            f"{image} cannot be pulled ({waiting['reason']}): {told.rstrip('. ')}. Check its name, "
-            "and `spec.scheduling.imagePullSecrets` for a private one."
+            f"Cannot pull the image {image} ({waiting['reason']}){after_colon(cause)}. "
+            "Check the image name and `spec.scheduling.imagePullSecrets`."
         )
-    return f"the container {name} cannot start ({waiting['reason']}): {told}"
+    reason = waiting["reason"]
+    return f"Container {name} cannot start ({reason}){after_colon(cause)}. {_inspect(pod)}"
 
 
-def _whose(pod: Object, container: str) -> str:
-    """Whose image the image of a container is, for people."""
+def _user_of_image(pod: Object, container: str) -> str:
+    """Name what the image of a container is for."""
     ours = is_own(pod, container) and container != COMPAT
-    return f"the image of {'RoboVAST' if ours else 'the runs'}"
+    return "RoboVAST" if ours else "the runs"
 
 
 def _mounted_images(pod: Object) -> Iterator[str]:
@@ -233,7 +265,7 @@ def memory_limit(pod: Object, container: str) -> str:
     found = next((c for c in mappings(spec.get("containers")) if c.get("name") == container), {})
     limit = mapping(mapping(found.get("resources")).get("limits")).get("memory")
     if limit is None:
-        return "the memory of its node; it has no limit of its own"
+        return "the memory of the node, because the container has no memory limit"
     note = text(mapping(pod["metadata"].get("annotations")).get("kubernetes.io/limit-ranger"))
     if re.search(rf"memory[^;]* limit for container {re.escape(container)}(;|$)", note):
         origin = "set by a LimitRange of the namespace, because nothing else sets one"
@@ -241,7 +273,7 @@ def memory_limit(pod: Object, container: str) -> str:
         origin = "set by `agent.resources` and `agent.taskResources` of the Helm chart"
     else:
         origin = "set by `resources` in the .vast file"
-    return f"its memory limit of {limit} ({origin})"
+    return f"the memory limit of {limit} ({origin})"
 
 
 def sighted(pod: Object) -> Sightings:

@@ -143,12 +143,12 @@ def given_up_of(namespace: str, job: str, pods: Sequence[Object]) -> Trouble | N
     found = trouble_of([last])
     if found is None or found.final:
         return None
-    told = (
-        f"{len(pods)} pods of the Job {job} have failed, the last one so: "
-        f"{found.message.rstrip('. ')}. Once the cause is gone, `kubectl delete job -n {namespace} "
-        f"{job}` lets another Job try."
+    message = (
+        f"Job {job} failed after {len(pods)} pods. The last cause: {found.message} "
+        f"After you have fixed the cause, run `kubectl delete job -n {namespace} {job}`, so that "
+        "the operator creates the Job again."
     )
-    return Trouble(found.reason, told)
+    return Trouble(found.reason, message)
 
 
 Result = TypeVar("Result", Composed, Proposed)

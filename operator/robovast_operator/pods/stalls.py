@@ -9,6 +9,7 @@ from itertools import chain
 
 from robovast_operator.kube.lenient import mapping, mappings, ranges, text
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.sentences import after_colon
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
 from robovast_operator.pods.findings import Trouble
@@ -61,8 +62,8 @@ def cause_of(
         return None
     if not repeated:
         return replace(found, deadly=any(found in causes for _, causes in chain(*dead)))
-    told = f"{number} pods failed without a result. The last cause: {found.message}"
-    return replace(found, message=told, deadly=True)
+    message = f"{number} pods failed without a result. The last cause: {found.message}"
+    return replace(found, message=message, deadly=True)
 
 
 def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble | None:
@@ -78,17 +79,17 @@ def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble 
     if state.get("status") == "False":
         return Trouble(
             "WorkerLost",
-            f"the worker cluster {worker} does not answer: {text(state.get('message'))}. Runs "
-            "that its pods store count. The others continue when it is back, or if Kueue gives it "
-            "up.",
+            f"Worker cluster {worker} is not responding{after_colon(text(state.get('message')))}. "
+            "Stored results are safe. The remaining runs resume when the cluster reconnects, or "
+            "when Kueue assigns the runs to another cluster.",
         )
     if job.ready or not worker:
         return None
     selector = f"batch.kubernetes.io/job-name={job.name}"
     return Trouble(
         "NoWorkerPods",
-        f"no pod of the Job {job.name} runs in the worker cluster {worker}. The reason is "
-        f"shown there: `kubectl describe pods -n {job.namespace} -l {selector}`.",
+        f"No pod of the Job {job.name} runs in the worker cluster {worker}. To find the cause, "
+        f"run `kubectl describe pods -n {job.namespace} -l {selector}` in that cluster.",
     )
 
 
@@ -130,17 +131,17 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
         node, name = pod["spec"].get("nodeName", "?"), pod["metadata"]["name"]
         yield Trouble(
             "NodeLost",
-            f"the node {node} does not answer, and the pod {name} on it does not end. Until then "
-            "its runs cannot be executed elsewhere. Restore the node, or remove it: "
-            f"`kubectl delete node {node}`.",
+            f"Node {node} is not responding, so pod {name} cannot terminate, and the runs of the "
+            "pod cannot be rescheduled. Restore the node, or remove the node with `kubectl delete "
+            f"node {node}`.",
         )
     elif _is_silent(pod, moment):
         name, namespace = pod["metadata"]["name"], pod["metadata"].get("namespace", "")
         yield Trouble(
             "NoLogOutput",
-            f"the run in the pod {name} has written nothing to its log for {silence / 60:g} min: "
-            f"see `kubectl logs -n {namespace} {name} -c robovast`. Where runs may hang, set "
-            "`execution.timeout`; to end this one, delete its pod.",
+            f"The run in pod {name} has written no log output for {silence / 60:g} min. Read the "
+            f"log with `kubectl logs -n {namespace} {name} -c robovast`. If runs can hang, set "
+            "`execution.timeout`. To stop this run, delete the pod.",
         )
 
 

@@ -85,10 +85,11 @@ class Tries:
         if self.last is None or self._number < TOLD:
             return ""
         return (
-            f"{self._number} Jobs have ended, the last of them {self.last.name}, and their pods "
-            "were gone before the operator could read what they found. What removes pods as soon "
-            "as they end (a cleaner, --terminated-pod-gc-threshold) must leave those of campaigns "
-            "for a minute; another Job is made every ten minutes at least."
+            f"{self._number} internal Jobs have finished, the last one is {self.last.name}, but "
+            "the pods were deleted before the operator could read the results. Keep terminated "
+            "pods of campaigns for at least one minute: check pod cleaners and "
+            "--terminated-pod-gc-threshold. The operator creates the Job again after at most ten "
+            "minutes."
         )
 
 

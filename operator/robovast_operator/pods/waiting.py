@@ -14,6 +14,7 @@ from robovast.base.ranges import count
 from robovast.kubeapi.status import QueuePlace
 from robovast_operator.kube.lenient import mappings, number, ranges, shaped, text
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.sentences import after_colon, clause
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, parse_time
 
@@ -61,39 +62,47 @@ def waiting_of(workload: Object, job: JobState) -> Waiting | None:
     """Why a Job waits, by what Kueue says of its Workload; None when it has its quota."""
     conditions = {c["type"]: c for c in workload["status"].get("conditions", ())}
     reserved = conditions.get("QuotaReserved", {})
-    told = reserved.get("message", "")
+    cause = after_colon(reserved.get("message", ""))
     if not workload["spec"].get("active", True):
         return _inactive(workload, job, conditions)
     if not job.queue:
-        message = "Kueue holds back what stands in no queue: set spec.queueName"
-        return Waiting(job.name, "NoQueue", message, helpless=True)
+        message = "Kueue holds back Jobs without a queue. Set spec.queueName."
+        return Waiting(job.name, "QueueRequired", message, helpless=True)
     if reserved.get("status") == "True":
         return _unchecked(workload, job)
     if reserved.get("reason") == "Inadmissible":
         message = (
-            f"Kueue cannot admit it: {told}. Make or repair that queue, or set spec.queueName "
-            f"to another one (`kubectl get localqueues -n {job.namespace}`)."
+            f"Kueue cannot admit the Job {job.name} to queue {job.queue}{cause}. Create or repair "
+            "the queue, or set spec.queueName to another queue (`kubectl get localqueues -n "
+            f"{job.namespace}`)."
         )
-        return Waiting(job.name, "NoQueue", message, helpless=True)
+        return Waiting(job.name, "QueueUnavailable", message, helpless=True)
     pods = min(job.parallelism, job.size)
-    fits = pods_that_fit(told, pods) if _is_about(workload, reserved, pods) else None
+    fits = (
+        pods_that_fit(reserved.get("message", ""), pods)
+        if _is_about(workload, reserved, pods)
+        else None
+    )
     if fits == 0:
         message = (
-            f"a single run asks for more than the queue {job.queue} can ever give: {told}. Lower "
-            "what the document's `resources` ask for, or raise the queue's quota."
+            f"A single run requests more than the quota of queue {job.queue}{cause}. Lower "
+            "`execution.resources` in the .vast file, or raise the quota of the queue."
         )
-        return Waiting(job.name, "TooLarge", message, helpless=True)
-    message = f"waits in the queue {job.queue}" + (f": {told}" if told else "")
-    return Waiting(job.name, "Waiting", message, fits=fits)
+        return Waiting(job.name, "RunExceedsQuota", message, helpless=True)
+    message = f"The campaign waits in queue {job.queue}{cause}."
+    return Waiting(job.name, "Queued", message, fits=fits)
 
 
 def _unchecked(workload: Object, job: JobState) -> Waiting | None:
     """What a Job with quota waits for: a worker cluster of MultiKueue, or another such check."""
     for check in _checks(workload):
         if check.get("state") != "Ready":
-            name, told = text(check.get("name")), text(check.get("message"))
-            message = f"has quota of the queue {job.queue}, and waits for the check {name}"
-            return Waiting(job.name, "Waiting", f"{message}: {told}" if told else message)
+            name, cause = text(check.get("name")), after_colon(text(check.get("message")))
+            message = (
+                f"The campaign has quota in queue {job.queue} and waits for the admission check "
+                f"{name}{cause}."
+            )
+            return Waiting(job.name, "Queued", message)
     return None
 
 
@@ -105,8 +114,8 @@ def worker_of(workload: Object) -> str:
 def no_class(job: JobState) -> Waiting:
     """The finding that there is no such priority class."""
     message = (
-        f"Kueue has no WorkloadPriorityClass {job.priority}: make it, or set "
-        "spec.queuePriorityClassName to another one (`kubectl get workloadpriorityclasses`)."
+        f"Kueue has no WorkloadPriorityClass {job.priority}. Create the class, or set "
+        "spec.queuePriorityClassName to another class (`kubectl get workloadpriorityclasses`)."
     )
     return Waiting(job.name, "NoPriorityClass", message, helpless=True)
 
@@ -114,16 +123,20 @@ def no_class(job: JobState) -> Waiting:
 def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object]) -> Waiting:
     name = workload["metadata"]["name"]
     if PARKED in (workload["metadata"].get("annotations") or {}):
-        return Waiting(job.name, "Requeued", "goes back into its queue", parked=True)
+        message = f"Kueue returns the Job {job.name} to queue {job.queue}."
+        return Waiting(job.name, "Requeued", message, parked=True)
     if not job.elsewhere and _is_for_others(workload):
-        message = f"the queue {job.queue} leads to other clusters now; its Job is created again"
-        return Waiting(job.name, "Waiting", message, misled=True)
-    told = conditions.get("Evicted", {}).get("message") or "spec.active is false"
+        message = (
+            f"Queue {job.queue} leads to other clusters. The operator creates the Job {job.name} "
+            "again."
+        )
+        return Waiting(job.name, "Queued", message, misled=True)
+    cause = clause(conditions.get("Evicted", {}).get("message") or "spec.active is false")
     message = (
-        f"its Workload {name} was taken out of the queue: {told}. Suspend the Campaign and "
-        "resume it to put it back."
+        f"Workload {name} is inactive: {cause}. To queue the Workload again, suspend the Campaign "
+        "and then resume the Campaign."
     )
-    return Waiting(job.name, "Inactive", message, helpless=True)
+    return Waiting(job.name, "WorkloadInactive", message, helpless=True)
 
 
 def _is_for_others(workload: Object) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from robovast.kubeapi.status import CampaignStatus, Condition, Runs, SearchStatus, read_status
 from robovast_operator.kube.conditions import Found, dated, is_true
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.sentences import clause
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
 from robovast_operator.pods.findings import Trouble
@@ -21,7 +22,7 @@ def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
         runs: what is told of its runs.
     """
     found: list[Found] = [
-        ("Accepted", "True", "Valid", "the document is in order"),
+        ("Accepted", "True", "Valid", "The .vast file is valid."),
         _quota(snapshot),
         _reconciling(snapshot, runs),
         _stalled(snapshot),
@@ -60,9 +61,9 @@ def rejected_conditions(reason: str, message: str, before: Iterable[Condition] =
 
 def composing_conditions(trouble: Trouble | None) -> list[Found]:
     """All conditions of a campaign whose document is just being expanded."""
-    told = trouble or Trouble("Composing", "the document is being expanded by a Job")
+    told = trouble or Trouble("Expanding", "A Job expands the .vast file.")
     names = ("Accepted", "QuotaReserved", "Succeeded", "Passed")
-    unknown: list[Found] = [(name, "Unknown", "Composing", "") for name in names]
+    unknown: list[Found] = [(name, "Unknown", "Expanding", "") for name in names]
     return [
         *unknown,
         ("Reconciling", "True", told.reason, told.message),
@@ -72,7 +73,7 @@ def composing_conditions(trouble: Trouble | None) -> list[Found]:
             told.reason,
             trouble.message if trouble else "",
         ),
-        ("ResultsAvailable", "False", "Composing", ""),
+        ("ResultsAvailable", "False", "Expanding", ""),
     ]
 
 
@@ -85,6 +86,9 @@ def failing_conditions(trouble: Trouble, before: Iterable[Condition]) -> list[Fo
     if not kept:
         kept = [("Accepted", "Unknown", *why), ("ResultsAvailable", "False", trouble.reason, "")]
     return [*kept, ("Stalled", "True", *why)]
+
+
+SUSPENDED = "The campaign is suspended. To resume the campaign, set spec.suspend to false."
 
 
 def campaign_state(
@@ -124,20 +128,19 @@ def _quota(snapshot: Snapshot) -> Found:
         return ("QuotaReserved", "False", held.reason, held.message)
     if queue is None:
         return ("QuotaReserved", "True", "NoQueue", "No queue is used.")
-    message = f"admitted by the queue {queue}"
-    return ("QuotaReserved", "True", "Admitted", message)
+    return ("QuotaReserved", "True", "Admitted", f"Queue {queue} has admitted the campaign.")
 
 
 def _reconciling(snapshot: Snapshot, runs: Runs) -> Found:
     if snapshot.indexed:
         return ("Reconciling", "False", "Finished", "")
     if snapshot.over:
-        return ("Reconciling", "True", "Finishing", "the results are being completed")
+        return ("Reconciling", "True", "Finishing", "The operator completes the results.")
     if snapshot.accepted.spec.suspend:
-        return ("Reconciling", "False", "Suspended", "spec.suspend is set")
+        return ("Reconciling", "False", "Suspended", SUSPENDED)
     if snapshot.idle:
-        return ("Reconciling", "True", "Proposing", "a Job proposes the next runs of the search")
-    return ("Reconciling", "True", "Running", f"{runs.decided} of {runs.needed} runs")
+        return ("Reconciling", "True", "Proposing", "A Job proposes the next runs of the search.")
+    return ("Reconciling", "True", "Running", f"{runs.decided} of {runs.needed} runs finished.")
 
 
 def _stalled(snapshot: Snapshot) -> Found:
@@ -153,9 +156,9 @@ def _succeeded(snapshot: Snapshot, runs: Runs) -> Found:
         return ("Succeeded", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if snapshot.over:
         search = snapshot.search.status
-        why = f"; the search ended: {search.stop_reason}" if search is not None else ""
-        spared = f", {runs.not_needed} others are not needed" if runs.not_needed else ""
-        message = f"all {runs.needed} runs have ended{spared}{why}"
+        why = f" The search ended: {clause(search.stop_reason)}." if search is not None else ""
+        skipped = f"; {runs.not_needed} runs were not needed" if runs.not_needed else ""
+        message = f"All {runs.needed} runs finished{skipped}.{why}"
         return ("Succeeded", "True", "Finished", message)
     return ("Succeeded", "Unknown", "Running", "")
 
@@ -166,14 +169,15 @@ def _passed(snapshot: Snapshot, runs: Runs) -> Found:
     least = snapshot.accepted.spec.acceptance.min_pass_ratio
     bad = runs.failed + runs.errored
     needed = float(least) * runs.needed
-    share = "all" if float(least) == 1 else f"a share of {least}"
-    told = f"{runs.passed} of {runs.needed} runs passed; needed: {share}"
+    required = "all" if float(least) == 1 else f"a fraction of {least}"
+    message = f"{runs.passed} of {runs.needed} runs passed; spec.acceptance requires {required}."
     if runs.needed and runs.needed - bad < needed - 1e-9:
-        return ("Passed", "False", "TooManyUnsuccessfulRuns", told)
+        message += " List the unsuccessful runs with `vast exec cluster runs --failed`."
+        return ("Passed", "False", "TooManyUnsuccessfulRuns", message)
     if snapshot.given_up is not None:
         return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if snapshot.over and snapshot.indexed:
-        return ("Passed", "True", "Accepted", told)
+        return ("Passed", "True", "EnoughRunsPassed", message)
     return ("Passed", "Unknown", "Running", "")
 
 
@@ -183,19 +187,20 @@ def _found(snapshot: Snapshot, search: SearchStatus) -> Found:
         return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if not (snapshot.over and snapshot.indexed):
         return ("Passed", "Unknown", "Running", "")
+    message = f"The search ended: {clause(search.stop_reason)}."
     if search.stop == "errors" or not search.evaluated:
-        told = search.stop_reason if search.evaluated else "no parameter set could be scored"
-        return ("Passed", "False", "NotScored", told)
-    return ("Passed", "True", "Searched", search.stop_reason)
+        none = "No parameter set could be scored. Check `search.objective` in the .vast file."
+        return ("Passed", "False", "NotScored", message if search.evaluated else none)
+    return ("Passed", "True", "SearchFinished", message)
 
 
 def _results(snapshot: Snapshot) -> Found:
     unprocessed = snapshot.pods.failures.get(snapshot.process_name)
     if snapshot.indexed and unprocessed is not None:
-        message = f"the results are complete, but not worked up: {unprocessed.message}"
+        message = f"The results are stored, but postprocessing failed. {unprocessed.message}"
         return ("ResultsAvailable", "True", "ProcessingFailed", message)
     if snapshot.indexed:
-        return ("ResultsAvailable", "True", "Indexed", "the bucket is complete")
+        return ("ResultsAvailable", "True", "Indexed", "The bucket contains all results.")
     return ("ResultsAvailable", "False", "Running", "")
 
 

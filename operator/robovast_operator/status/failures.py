@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robovast.base.errors import RobovastError
 from robovast_operator.kube.api import ApiError
+from robovast_operator.kube.sentences import after_colon, clause, sentence
 from robovast_operator.pods.admission import NamespaceLimits, explain
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.own import OWN
@@ -16,28 +17,36 @@ _TOO_LARGE = ("request is too large", "Too long: ", "limit is ")
 def trouble_of_error(error: Exception) -> Trouble:
     """Why a reconcile failed."""
     if isinstance(error, RobovastError):
-        return Trouble("Invalid", str(error))
-    if isinstance(error, ApiError) and error.code == 0:
-        return Trouble("Unreachable", str(error))
+        return Trouble("Invalid", sentence(str(error), "The Campaign is invalid: "))
+    if isinstance(error, TimeoutError) or (isinstance(error, ApiError) and error.code == 0):
+        cause = after_colon(str(error))
+        message = f"The API server is not responding{cause}. The operator tries again."
+        return Trouble("ApiServerUnreachable", message)
     if isinstance(error, ApiError):
         return _refusal(error, str(error))
-    if isinstance(error, TimeoutError):
-        return Trouble("Unreachable", f"the API server does not answer: {error}")
-    told = f"{type(error).__name__}: {error}"
-    return Trouble("OperatorError", f"a fault of the operator, whose log says more: {told}")
+    message = (
+        f"The operator has an internal error: {clause(f'{type(error).__name__}: {error}')}. Read "
+        "the log of the operator."
+    )
+    return Trouble("OperatorError", message)
 
 
 def _refusal(error: ApiError, message: str) -> Trouble:
-    told = f"the API server refuses what the campaign needs: {message}."
+    rejection = f"The API server rejects an object of the campaign: {clause(message)}."
     if any(text in message for text in _QUOTA):
         why = explain(message, {}, NamespaceLimits(), OWN)
         remedy = "Ask your cluster administrator to raise the quota."
         return Trouble(
-            "QuotaExceeded", f"{why} The API server: {message}" if why else f"{told} {remedy}"
+            "QuotaExceeded",
+            f"{why} Message of the API server: {clause(message)}."
+            if why
+            else f"{rejection} {remedy}",
         )
     if error.code == 413 or any(text in message for text in _TOO_LARGE):
         return Trouble(
-            "TooLarge",
-            f"{told} Bring large files by spec.source.bundle or git, and divide a large document.",
+            "ObjectTooLarge",
+            f"{rejection} Move large files to spec.source.bundle or spec.source.git, or split the "
+            ".vast file.",
         )
-    return Trouble("RequestDenied", told)
+    remedy = "Check the permissions and policies of the namespace with your cluster administrator."
+    return Trouble("RequestDenied", f"{rejection} {remedy}")

@@ -29,8 +29,11 @@ def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     if total <= old.runs.total or not asked:
         return
     packs, most = snapshot.plan.packs, snapshot.accepted.spec.parallelism
-    told = f"{_count(total, 'run')} in {_count(packs, 'job')}, in at most {_count(most, 'pod')}"
-    yield Message("Normal", "Planned", f"{told} at once", str(total))
+    message = (
+        f"The campaign has {_count(total, 'run')} in {_count(packs, 'job')}, and uses at most "
+        f"{_count(most, 'pod')} concurrently."
+    )
+    yield Message("Normal", "Planned", message, str(total))
 
 
 def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
@@ -39,8 +42,9 @@ def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     if now <= before or _step(before) == _step(now):
         return
     job = new.shards[-1].job if new.shards else ""
-    told = f"the Job {job} executes runs" + (f"; {now} were made so far" if now > 1 else "")
-    yield Message("Normal", "JobCreated", told, f"{new.attempt} {_step(now)}")
+    number = f" The campaign has {now} Jobs." if now > 1 else ""
+    message = f"The operator created the Job {job}.{number}"
+    yield Message("Normal", "JobCreated", message, f"{new.attempt} {_step(now)}")
 
 
 def _made(status: CampaignStatus) -> int:
@@ -50,8 +54,8 @@ def _made(status: CampaignStatus) -> int:
 def _repeated(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     """Another attempt."""
     if new.bad is not None and new.attempt > snapshot.status.attempt:
-        told = f"attempt {new.attempt}: {_count(new.bad.runs, 'bad run')} executed once more"
-        yield Message("Normal", "Repeated", told, str(new.attempt))
+        message = f"Attempt {new.attempt} repeats {_count(new.bad.runs, 'unsuccessful run')}."
+        yield Message("Normal", "RetryStarted", message, str(new.attempt))
 
 
 def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
@@ -63,8 +67,11 @@ def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
             yield Message("Warning", one.reason, one.message, f"{new.attempt} {one.about}")
     if _step(before) < _step(now) and now >= 10:
         runs = new.runs
-        told = f"{runs.failed} failed and {runs.errored} errored of {runs.decided} runs so far"
-        yield Message("Warning", "RunsUnsuccessful", told, f"{new.attempt} {_step(now)}")
+        message = (
+            f"{runs.failed} runs failed and {runs.errored} runs errored, of {runs.decided} "
+            "finished runs. List the unsuccessful runs with `vast exec cluster runs --failed`."
+        )
+        yield Message("Warning", "RunsUnsuccessful", message, f"{new.attempt} {_step(now)}")
 
 
 def _bad(status: CampaignStatus) -> int:

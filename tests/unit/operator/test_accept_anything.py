@@ -104,8 +104,8 @@ def test_what_a_compose_pod_says_is_held_against_the_document(said: tuple[list[i
     ("image", "seed", "told"),
     [
         ("runs@sha256:" + "0" * 64, 7, ""),
-        ("runs:1", 7, "the content of runs:1 can change; name it with its digest"),
-        ("runs@sha256:" + "0" * 64, None, "set `execution.seed`"),
+        ("runs:1", 7, "runs:1 has none. Use IMAGE@sha256:DIGEST."),
+        ("runs@sha256:" + "0" * 64, None, "Set `execution.seed`"),
     ],
 )
 def test_runs_are_taken_over_only_where_it_is_known_what_they_are(

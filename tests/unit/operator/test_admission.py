@@ -142,10 +142,10 @@ def test_a_memory_limit_is_named_with_its_origin() -> None:
             {"metadata": {"annotations": annotations}, "spec": pod(run=run)}, container
         )
 
-    assert found("robovast") == "its memory limit of 128Mi (set by `resources` in the .vast file)"
+    assert found("robovast") == "the memory limit of 128Mi (set by `resources` in the .vast file)"
     assert "of 512Mi (set by `agent.resources`" in found("agent")
     limit = "cpu, memory limit for container robovast"
     note = f"LimitRanger plugin set: cpu request for container agent; {limit}"
     assert "LimitRange of the namespace" in found("robovast", note)
     assert "LimitRange" not in found("agent", note)
-    assert "has no limit" in found("robovast", run={})
+    assert "has no memory limit" in found("robovast", run={})

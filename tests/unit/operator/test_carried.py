@@ -64,7 +64,7 @@ def test_pods_find_the_same_files_in_the_same_places(tmp_path: Path) -> None:
 def test_what_has_no_room_in_a_job_is_refused_with_a_remedy() -> None:
     carrying(*made({"map.txt": "x" * 700_000}))
     noise = base64.b64encode(random.Random(1).randbytes(200_000)).decode()  # noqa: S311
-    with pytest.raises(InputError, match="bundle or git"):
+    with pytest.raises(InputError, match=r"bundle or spec\.source\.git"):
         carrying(*made(binaryFiles={"map.png": noise}))
 
 

@@ -24,9 +24,9 @@ def test_the_last_verdict_is_told_at_once_whatever_it_is() -> None:
 
 
 def test_no_condition_says_who_a_url_names() -> None:
-    found = rejected_conditions("Invalid", "https://bot:ghp_1@git.org/a@b: none")
+    found = rejected_conditions("Invalid", "Source https://bot:ghp_1@git.org/a@b is missing.")
     told = dated(found, 1, "2026-01-01T00:00:00Z", ())
-    assert told[0].message == "https://git.org/a@b: none"
+    assert told[0].message == "Source https://git.org/a@b is missing."
 
 
 def test_a_rejected_edit_keeps_the_conditions_of_runs_that_continue() -> None:

@@ -359,7 +359,7 @@ def test_a_finish_job_whose_pods_vanish_is_made_anew_ever_more_slowly_and_that_i
     assert len(world.jobs) <= 4, "of all that were made the last is kept"
     found = next(c for c in world.status.conditions if c.type == "Stalled")
     assert (found.status, found.reason) == ("True", "TaskPodsLost")
-    assert "gone before" in found.message
+    assert "deleted before" in found.message
     assert max(wait for wait in again if wait) > 300, "nobody looks all the while"
     world.mute = set()
     world.now += timedelta(minutes=10)

@@ -27,8 +27,8 @@ from robovast_operator.status.notices import due, interested, job_suffix, marked
 
 LASTING = timedelta(seconds=300)
 PHONE = Notification(kind="ntfy", url="https://ntfy.example/topic")
-IMAGE = Trouble("ImagePullFailed", "the image cannot be pulled. Check its name.")
-NODE = Trouble("Unschedulable", "no node for the pod")
+IMAGE = Trouble("ImagePullFailed", "Cannot pull the image. Check the name.")
+NODE = Trouble("Unschedulable", "No node can run the pod.")
 
 
 class Watched(World):
@@ -99,7 +99,7 @@ def test_the_end_is_told_once_with_its_verdict() -> None:
 def test_results_that_could_not_be_worked_up_are_told_beside_the_verdict() -> None:
     world = Watched(runs=1)
     world.end()
-    why = {"reason": "ProcessingFailed", "message": "not worked up: no memory"}
+    why = {"reason": "ProcessingFailed", "message": "Postprocessing failed: no memory."}
     conditions = [
         c.model_copy(update=why if c.type == "ResultsAvailable" else {})
         for c in world.status.conditions
@@ -108,8 +108,8 @@ def test_results_that_could_not_be_worked_up_are_told_beside_the_verdict() -> No
     found, _ = due(status, [PHONE], world.now, LASTING)
     assert found is not None
     sent = notice(Identity.of(campaign()), status, found, world.now)
-    assert (sent.verdict, sent.reason) == ("Passed", "Accepted")
-    assert sent.message.endswith("needed: all\nnot worked up: no memory")
+    assert (sent.verdict, sent.reason) == ("Passed", "EnoughRunsPassed")
+    assert sent.message.endswith("requires all.\nPostprocessing failed: no memory.")
 
 
 def test_a_repetition_and_further_runs_end_once_more() -> None:
@@ -145,7 +145,7 @@ def test_trouble_is_told_when_it_lasts_once_for_each_cause_and_its_end_too() -> 
     assert [(s.event, s.reason, s.verdict) for s in world.sent] == [
         ("Stalled", "ImagePullFailed", None)
     ]
-    assert "Check its name" in world.sent[0].text
+    assert "Check the name" in world.sent[0].text
     world.trouble = NODE
     world.tell()
     world.trouble = None

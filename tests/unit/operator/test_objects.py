@@ -467,7 +467,7 @@ def test_what_is_wrong_is_said_by_its_place(change: Any, said: str) -> None:
 
 def test_a_message_names_the_document_not_a_temporary_folder() -> None:
     wrong = rejected(lambda o: o["spec"]["vast"]["execution"].update(scenario_file="gone.osc"))
-    assert wrong.message.startswith("drive.vast:")
+    assert wrong.message.startswith("The .vast file is invalid:\ndrive.vast:")
     assert "/tmp" not in wrong.message
 
 

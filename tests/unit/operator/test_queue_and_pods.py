@@ -134,7 +134,8 @@ def test_an_incompatible_image_comes_before_every_other_cause() -> None:
     waiting = {"name": "agent", "image": "x", "state": {"waiting": {"reason": "ErrImagePull"}}}
     found = trouble_of([pod(0, waiting), pod(1, ended("compat-version", 78, "both numbers"))])
     assert found is not None
-    assert (found.reason, found.message, found.final) == ("Incompatible", "both numbers", True)
+    assert (found.reason, found.final) == ("IncompatibleImage", True)
+    assert found.message == "Container compat-version failed: both numbers."
 
 
 def test_a_pod_that_no_node_takes_says_so() -> None:
@@ -180,14 +181,15 @@ def test_a_compose_job_that_was_given_up_says_how_its_last_container_ended() -> 
     assert found is not None
     assert found.reason == "OutOfMemory"
     assert found.message == (
-        "2 pods of the Job drive-compose have failed, the last one so: the container compose needs "
-        "more than the memory of its node; it has no limit of its own. Once the cause is gone, "
-        "`kubectl delete job -n lab drive-compose` lets another Job try."
+        "Job drive-compose failed after 2 pods. The last cause: Container compose needs more than "
+        "the memory of the node, because the container has no memory limit. Raise the limit, or "
+        "use a node with more memory. After you have fixed the cause, run `kubectl delete job -n "
+        "lab drive-compose`, so that the operator creates the Job again."
     )
     found = given_up_of("lab", "drive-compose", [*pods, pod(0, crashed, created=times[2])])
     assert found is not None
     assert found.reason == "ContainerError"
-    assert "the last one so: the container compose fails (exit 1: Traceback" in found.message
+    assert "The last cause: Container compose failed (exit code 1: Traceback" in found.message
     wrong = pod(0, ended("compose", 65, '{"error": "bad.vast: no"}'), created=times[2])
     assert given_up_of("lab", "drive-compose", [*pods, wrong]) is None, "its own message says it"
     done = pod(0, ended("compose", 0, '{"counts": [1]}'), created=times[2])
@@ -201,19 +203,19 @@ def later(condition: Condition) -> Condition:
 
 def test_each_change_of_a_condition_is_told_once() -> None:
     before = dated(
-        [("Accepted", "True", "Valid", "fine"), ("Passed", "Unknown", "Running", "")],
+        [("Accepted", "True", "Valid", "Fine."), ("Passed", "Unknown", "Running", "")],
         1,
         "2026-01-01T00:00:00Z",
         [],
     )
     after = dated(
-        [("Accepted", "True", "Valid", "fine"), ("Passed", "False", "TooMany", "2 of 3")],
+        [("Accepted", "True", "Valid", "Fine."), ("Passed", "False", "TooMany", "2 of 3.")],
         1,
         "2026-01-02T00:00:00Z",
         before,
     )
     assert [(m.kind, m.reason, m.text) for m in messages(before, after)] == [
-        ("Warning", "TooMany", "2 of 3")
+        ("Warning", "TooMany", "2 of 3.")
     ]
     (again,) = messages(before, [later(c) for c in after])
     assert again.about == next(messages(before, after)).about, "of one change there is one Event"
@@ -226,7 +228,7 @@ def test_the_error_of_a_report_is_told_as_text() -> None:
     report = json.dumps({"passed": "", "failed": "", "errored": "", "error": "no server at x"})
     found = trouble_of([pod(0, ended("agent", 74, report))])
     assert found is not None
-    assert (found.reason, found.message) == ("StorageUnavailable", "no server at x")
+    assert (found.reason, found.message) == ("StorageUnavailable", "No server at x.")
 
 
 def test_a_deleted_pod_that_its_job_holds_for_long_is_stuck() -> None:

@@ -63,7 +63,7 @@ def test_the_newest_version_that_both_know_is_spoken(served: tuple[str, ...], sp
 
     asyncio.run(twice())
     assert known.waiting is not None
-    assert known.waiting.reason == "Waiting"
+    assert known.waiting.reason == "Queued"
     assert [path for path in kueue.asked if path.endswith("/workloads")] == [
         f"/apis/kueue.x-k8s.io/{spoken}/namespaces/lab/workloads"
     ] * 2

@@ -279,22 +279,22 @@ def test_raised_runs_are_left_to_the_next_batches() -> None:
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        (batch((0, 1, 0, 1), variants=1), "are not those that come next"),
-        (batch((2, 1, 1, 1), variants=1), "are not those that come next"),
-        (batch((1, 2, 0, 3), variants=1), "are not those that come next"),
+        (batch((0, 1, 0, 1), variants=1), "are not the next runs"),
+        (batch((2, 1, 1, 1), variants=1), "are not the next runs"),
+        (batch((1, 2, 0, 3), variants=1), "are not the next runs"),
         (batch((2, 2, 0, 1), variants=1), "configuration 3 of 3"),
         (batch((2, 1, 0, 20_000_000), variants=1), "more than 10,000,000 runs"),
         (batch((2, 0, 0, 1), variants=1), "greater than 0"),
         (batch((2, 1, 0, 1), variants=999), "more than 1,000"),
-        (batch(variants=1), "asks for no runs"),
-        (batch(awaited=1), "asks for no runs"),
+        (batch(variants=1), "no runs are requested"),
+        (batch(awaited=1), "no runs are requested"),
         (
             batch((2, 1, 0, 3), variants=1, awaited=3),
-            "waits for 3 blocks of runs, after 1 and of 2",
+            "3 awaited blocks of runs are not between 1 and 2",
         ),
-        (batch((2, 1, 0, 3), variants=1, awaited=0), "waits for 0 blocks of runs"),
+        (batch((2, 1, 0, 3), variants=1, awaited=0), "0 awaited blocks of runs"),
         (batch((2, 1, 0, 1), variants=1, breaks="7-x"), "7-x"),
-        (Proposed(blocks=((2, 1, 0, 1),), variants=1), "names no list"),
+        (Proposed(blocks=((2, 1, 0, 1),), variants=1), "has no digest"),
     ],
 )
 def test_words_that_make_no_plan_end_the_search_and_say_why(said: Proposed, why: str) -> None:
@@ -322,7 +322,7 @@ def test_a_plan_that_no_config_map_has_room_for_ends_the_search() -> None:
     long = replace(first, plan=first.plan.model_copy(update={"blocks": many}))
     said = batch((2, 1, 0, 3), variants=1)
     assert grown(made, [replace(first, plan=PlanSpec(blocks=many[:8_000]))], said, "", 1000)
-    with pytest.raises(ValueError, match="12,001 blocks of runs it is too large for a ConfigMap"):
+    with pytest.raises(ValueError, match="12,001 blocks of runs are too large for a ConfigMap"):
         grown(made, [long], said, "plan-1", 1000)
 
 
@@ -354,7 +354,9 @@ def test_a_search_that_begins_with_its_end_is_refused() -> None:
     assert isinstance(refused, Rejected)
     assert "nothing is left" in refused.message
     told = first_plan(accepted(SEARCH), "line 3: no such marker", "plan-0", 10, "InvalidDocument")
-    assert told == Rejected("InvalidDocument", "line 3: no such marker")
+    assert isinstance(told, Rejected)
+    assert told.reason == "InvalidDocument"
+    assert told.message.startswith("The .vast file is invalid: line 3: no such marker. Fix")
 
 
 def test_a_selection_has_no_meaning_in_a_search() -> None:

@@ -174,7 +174,7 @@ CAUSES: dict[str, tuple[str, Any]] = {
         ),
     ),
     "refused by the node": (
-        "Rejected",
+        "PodRejected",
         pod("Failed", told={"reason": "OutOfcpu", "message": "Node didn't have enough resource"}),
     ),
     "node does not answer": (
@@ -367,15 +367,17 @@ def test_an_image_of_assets_that_cannot_be_pulled_is_named_in_place_of_the_runs(
     volumes = [{"name": "work", "emptyDir": {}}, {"image": {"reference": "lab/worlds:1"}}]
     found["spec"]["volumes"] = volumes
     (trouble,) = troubles_of(found)
-    assert trouble.message.startswith("the image lab/worlds:1 of `execution.kubernetes.assets`")
+    assert trouble.message.startswith(
+        "Cannot pull the image lab/worlds:1 of `execution.kubernetes.assets`"
+    )
     found["spec"]["volumes"] = volumes[:1]
     (trouble,) = troubles_of(found)
-    assert trouble.message.startswith("the image of the runs runs:1 cannot")
+    assert trouble.message.startswith("Cannot pull the image runs:1 of the runs")
 
 
 def test_a_pod_without_a_node_says_where_to_look() -> None:
     (trouble,) = troubles_of(pod("Pending", NO_ROOM))
-    assert "0/3 nodes are available. Compare what the nodes have" in trouble.message
+    assert "0/3 nodes are available. Compare the resources of the nodes" in trouble.message
 
 
 def test_a_stall_neither_flaps_nor_stays() -> None:

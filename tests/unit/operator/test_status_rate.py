@@ -59,7 +59,7 @@ def test_a_status_that_flaps_is_written_sixty_times_a_minute_and_the_rest_is_cou
                 type="Stalled",
                 status="True",
                 reason="StorageUnavailable",
-                message="x",
+                message="No server.",
                 last_transition_time="2026-01-01T00:00:00Z",
             )
         ]

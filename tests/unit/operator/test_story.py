@@ -23,7 +23,9 @@ BAD = BadRun(run="hall-1/0", verdict="failed", reason="too slow")
 class Told(World):
     """A campaign whose pods say why their runs are bad."""
 
-    mishaps = tuple(Mishap("RunFailed", f"hall-1/{n}", "too slow") for n in range(3))
+    mishaps = tuple(
+        Mishap("RunFailed", f"hall-1/{n}", "Run hall-1 failed: too slow.") for n in range(3)
+    )
 
     def snapshot(self) -> Snapshot:
         found = super().snapshot()
@@ -54,7 +56,7 @@ def test_a_bad_run_is_told_when_its_pod_says_so_after_its_job_has_counted_it() -
     def status(**runs: int) -> CampaignStatus:
         return CampaignStatus(runs=Runs(total=8, **runs))
 
-    mishaps = [Mishap("RunErrored", "hall-1/2", "hall-1/2 has errored: ended by SIGKILL")]
+    mishaps = [Mishap("RunErrored", "hall-1/2", "Run hall-1/2 errored: ended by SIGKILL.")]
     found = World(accepted()).snapshot()
     found = replace(found, pods=replace(found.pods, mishaps=mishaps))
     counted, said = status(failed=2, undecided=2), status(failed=2, errored=2)
@@ -93,21 +95,21 @@ def test_the_first_bad_runs_are_named_with_their_reasons() -> None:
     said = Verdicts.of({0: Verdict.FAILED}, bad=[BAD]).text
     found = mishaps_of([pod(3, said), pod(1, said), pod(2, said), pod(4, said)])
     assert [one.about for one in found] == ["hall-1/0"] * 3
-    assert found[0] == Mishap("RunFailed", "hall-1/0", "hall-1/0 has failed: too slow")
+    assert found[0] == Mishap("RunFailed", "hall-1/0", "Run hall-1/0 failed: too slow.")
 
 
 @pytest.mark.parametrize(
     ("status", "told"),
     [
-        ({"reason": "Evicted", "message": "low on disk"}, "has ended a pod (Evicted): low on disk"),
+        ({"reason": "Evicted", "message": "low on disk"}, "a pod (Evicted): low on disk."),
         (
             {"containerStatuses": [
                 {"name": "robovast", "state": {"terminated": {"reason": "OOMKilled"}}}
             ]},
-            "needed more than the memory of its node; it has no limit of its own",
+            "needed more than the memory of the node, because the container has no memory limit",
         ),
-        ({}, "said nothing of runs: its agent ended with 10"),
-        ({"containerStatuses": []}, "said nothing of runs: it is gone"),
+        ({}, "failed without a report: the agent ended with exit code 10."),
+        ({"containerStatuses": []}, "failed without a report: the pod has no agent."),
     ],
 )  # fmt: skip
 def test_a_pod_that_was_ended_by_force_says_why(status: dict[str, Any], told: str) -> None:

@@ -60,7 +60,7 @@ def test_a_job_with_quota_waits_for_a_worker_cluster() -> None:
     admitted["status"]["admissionChecks"] = [check]
     found = waiting_of(admitted, job())
     assert found is not None
-    assert found.message.endswith("waits for the check workers: no reservation yet")
+    assert found.message.endswith("the admission check workers: no reservation yet.")
     assert not found.helpless
     check["state"] = "Ready"
     assert waiting_of(admitted, job()) is None
@@ -201,10 +201,20 @@ def test_a_refusal_that_is_not_about_the_job_as_it_is_says_nothing() -> None:
 @pytest.mark.parametrize(
     ("found", "waits", "reason", "remedy"),
     [
-        (workload("Inadmissible", "LocalQueue lab doesn't exist"), job(), "NoQueue", "lab doesn't"),
-        (workload(message=TOO_MANY.replace("250m", "0")), job(), "TooLarge", "`resources`"),
-        (workload(active=False), job(), "Inactive", "Suspend the Campaign and resume it"),
-        (workload(), replace(job(), queue=""), "NoQueue", "set spec.queueName"),
+        (
+            workload("Inadmissible", "LocalQueue lab doesn't exist"),
+            job(),
+            "QueueUnavailable",
+            "lab doesn't",
+        ),
+        (
+            workload(message=TOO_MANY.replace("250m", "0")),
+            job(),
+            "RunExceedsQuota",
+            "`execution.resources`",
+        ),
+        (workload(active=False), job(), "WorkloadInactive", "suspend the Campaign"),
+        (workload(), replace(job(), queue=""), "QueueRequired", "Set spec.queueName."),
     ],
 )
 def test_who_waits_in_vain_is_told_what_to_do(
@@ -295,7 +305,7 @@ class Queued(World):
         self.look()
         job = list(self.jobs.values())[-1]
         job.suspended = True
-        self.waiting = Waiting(job.name, "Waiting", "waits in the queue lab")
+        self.waiting = Waiting(job.name, "Queued", "The campaign waits in queue lab.")
         return job
 
 
@@ -381,8 +391,8 @@ def test_a_campaign_waits_only_while_no_part_of_it_has_quota(few_packs: None) ->
 def test_a_campaign_that_waits_in_vain_is_stalled() -> None:
     world = Queued(runs=2)
     waits = world.arrive()
-    world.waiting = Waiting(waits.name, "NoQueue", "make that queue", helpless=True)
+    world.waiting = Waiting(waits.name, "QueueUnavailable", "Create the queue.", helpless=True)
     world.look()
     found = {c.type: c for c in world.status.conditions}
-    assert found["Stalled"].message == found["QuotaReserved"].message == "make that queue"
+    assert found["Stalled"].message == found["QuotaReserved"].message == "Create the queue."
     assert found["Stalled"].status == "True"

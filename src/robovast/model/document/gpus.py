@@ -6,8 +6,8 @@ from robovast.base.errors import DocumentError
 from robovast.model.document.execution import Execution
 from robovast.model.document.loader import Document
 
-NOT_COUNTED = "it says what `gpu` counts, but no container has `gpu`, so pods would get none"
-REMEDY = "Add `gpu` to `execution.resources`, or leave `gpu_resource` out."
+NO_GPU = "no container requests `gpu`, so pods would get no GPU"
+REMEDY = "Add `gpu` to `execution.resources`, or remove `gpu_resource`."
 
 
 def asks_in_vain(execution: Execution) -> bool:
@@ -25,4 +25,4 @@ def check_gpus(document: Document) -> None:
     """
     if asks_in_vain(document.vast.execution):
         place = ("execution", "kubernetes", "gpu_resource")
-        raise DocumentError([document.source.problem(place, NOT_COUNTED, REMEDY, at_key=True)])
+        raise DocumentError([document.source.problem(place, NO_GPU, REMEDY, at_key=True)])
