@@ -210,7 +210,7 @@ record_rosout() {
 # Runs a command, hands it the request to stop, and returns its code.
 supervise() { # COMMAND...
     local _child='' code _signalled=''
-    trap '_signalled=1; kill -TERM $_child' TERM INT
+    trap '_signalled=1; [[ ! $_child ]] || kill -TERM $_child' TERM INT
     "$@" 9>&- &
     _child=$!
     [[ $_signalled ]] && kill -TERM "$_child"
