@@ -1,7 +1,7 @@
 """The CRDs, generated from the models of the document, of the specs and of the status.
 
-A structural schema can say less than JSON Schema: no references, one type at each place. Where
-a value may be of several kinds, any is let through here and the operator says what is wrong.
+A structural schema has no references and one type at each position. If a value may have several
+types, the schema accepts any value, and the operator reports invalid values.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _KEPT = (
 
 
 def campaign_crd() -> Schema:
-    """The CustomResourceDefinition of Campaign."""
+    """Return the CRD of Campaign."""
     spec = structural(CampaignSpec)
     spec["properties"]["vast"] = _vast_schema()
     spec["x-kubernetes-validations"] = [
@@ -47,7 +47,7 @@ def campaign_crd() -> Schema:
         _never_changes("image"),
         {
             "rule": "!has(oldSelf.runs) || (has(self.runs) && self.runs >= oldSelf.runs)",
-            "message": "`runs` can only be raised; results that exist are never removed",
+            "message": "`runs` can only be raised, because stored results are never removed",
             "fieldPath": ".runs",
         },
         {
@@ -84,7 +84,7 @@ def campaign_crd() -> Schema:
     return _crd(
         kind="Campaign",
         short_names=["vcamp"],
-        description="A .vast document that is executed on this cluster.",
+        description="A .vast file that runs on this cluster.",
         spec=spec,
         status=_without_defaults(structural(CampaignStatus)),
         columns=[
@@ -122,7 +122,7 @@ def campaign_crd() -> Schema:
                 "|| !has(self.status.runsPerConfiguration) "
                 "|| self.spec.runs >= self.status.runsPerConfiguration",
                 "message": "`runs` can only be raised: `status.runsPerConfiguration` is the "
-                "number of runs that are planned already",
+                "number of planned runs",
                 "fieldPath": ".spec.runs",
             },
         ],
@@ -130,7 +130,7 @@ def campaign_crd() -> Schema:
 
 
 def configuration_crd() -> Schema:
-    """The CustomResourceDefinition of Configuration."""
+    """Return the CRD of Configuration."""
     spec = structural(ConfigurationSpec)
     entry = _vast_schema()["properties"]["configuration"]["items"]["properties"]
     for name in ("parameters", "variations"):
@@ -140,7 +140,7 @@ def configuration_crd() -> Schema:
     return _crd(
         kind="Configuration",
         short_names=["vconf"],
-        description="One configuration entry of a Campaign; applied by hand, it adds runs to it.",
+        description="A configuration entry of a Campaign, or additional runs that a user applies.",
         spec=spec,
         status=_without_defaults(structural(ConfigurationStatus)),
         columns=[
@@ -158,17 +158,17 @@ def configuration_crd() -> Schema:
 
 
 def campaign_crd_text() -> str:
-    """The file crds/campaign.yaml."""
+    """Return the content of crds/campaign.yaml."""
     return dump_yaml(campaign_crd())
 
 
 def configuration_crd_text() -> str:
-    """The file crds/configuration.yaml."""
+    """Return the content of crds/configuration.yaml."""
     return dump_yaml(configuration_crd())
 
 
 def structural(model: type[BaseModel]) -> Schema:
-    """A model as a structural schema."""
+    """Return a model as a structural schema."""
     schema = model.model_json_schema(by_alias=True)
     return _structural(schema, schema.get("$defs", {}))
 
@@ -194,7 +194,7 @@ def _vast_schema() -> Schema:
 
 
 def _maybe_empty(schema: Schema) -> Schema:
-    """Sections and lists may stand without a value, as in a file."""
+    """Allow sections and lists without a value, as in a file."""
     required = schema.get("required", ())
     for name, inner in schema.get("properties", {}).items():
         if inner.get("type") in {"object", "array"} and name not in required:
@@ -206,7 +206,7 @@ def _maybe_empty(schema: Schema) -> Schema:
 
 
 def _without_defaults(schema: Any) -> Any:
-    """A document stays as its user wrote it: nothing is filled in."""
+    """Remove defaults, so that the API server does not change the .vast file of a user."""
     if isinstance(schema, list):
         return [_without_defaults(item) for item in schema]
     if not isinstance(schema, dict):
@@ -219,7 +219,7 @@ def _without_defaults(schema: Any) -> Any:
 
 
 def _structural(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Schema:
-    """Without references, alternatives and defaults that would be written into objects."""
+    """Remove references, alternatives and defaults of empty values from a schema."""
     if "$ref" in schema:
         target = definitions[schema["$ref"].removeprefix("#/$defs/")]
         merged = {**target, **{k: v for k, v in schema.items() if k != "$ref"}}
@@ -256,7 +256,7 @@ def _children(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Sche
 
 
 def _alternatives(schema: Mapping[str, Any], definitions: Mapping[str, Any]) -> Schema:
-    """`anyOf`: one alternative beside null stays; of several any value is let through."""
+    """Replace `anyOf`: keep a single alternative to null; accept any value if there are several."""
     options = [option for option in schema["anyOf"] if option.get("type") != "null"]
     rest = {key: value for key, value in schema.items() if key not in {"anyOf", "default"}}
     if len(options) == 1:

@@ -1,7 +1,7 @@
-"""The custom resources: what may stand in a Campaign and in a Configuration.
+"""The specs of the custom resources Campaign and Configuration.
 
-These models are what the CRDs are generated from (`robovast.kubeapi.crd`), what the operator
-reads, and what the command line writes. Keys are spelled as Kubernetes spells them.
+The CRDs are generated from these models (`robovast.kubeapi.crd`). The operator reads the specs, and
+the command line writes the specs. Keys are in camel case, as in Kubernetes.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ VERSION = "v1beta1"
 API_VERSION = f"{GROUP}/{VERSION}"
 
 CAMPAIGN_LABEL = f"{GROUP}/campaign"
-"""Name of the Campaign, on every object that is made for it."""
+"""Label with the name of the Campaign, on every object that is created for a Campaign."""
 UID_LABEL = f"{GROUP}/campaign-uid"
-"""Uid of the Campaign: two of one name, one after the other, differ."""
+"""Label with the uid of the Campaign, because a later Campaign may have the same name."""
 ROLE_LABEL = f"{GROUP}/role"
-"""What our Jobs and their pods do: `shard`, `compose`, `finish`, `process`, `purge`, `notify` or
-`share`; a pod alone: `debug`."""
+"""Label with the role of a Job and its pods: `shard`, `compose`, `propose`, `finish`, `process`,
+`purge`, `notify` or `share`. A pod without a Job has the role `debug`."""
 SHARD_ROLE = "shard"
-"""Of the Jobs that execute runs, and of their pods."""
+"""Role of the Jobs with runs, and of their pods."""
 SHARD_LABEL = f"{GROUP}/shard"
-"""Number of the shard, on its Job and its pods."""
+"""Label with the number of the shard, on the Job and its pods."""
 ASSETS_LABEL = f"{GROUP}/assets"
-"""On a PersistentVolumeClaim, `true`: campaigns may read it."""
+"""Label of PersistentVolumeClaims that campaigns may read; the value is `true`."""
 MANAGED_LABEL = "app.kubernetes.io/managed-by"
 MANAGED_BY = "robovast"
 
@@ -59,21 +59,21 @@ FilePath = Annotated[str, Field(min_length=1, max_length=253)]
 
 
 class InlineFiles(_Spec):
-    """Small files that stand in the Campaign itself."""
+    """Small files inside the Campaign."""
 
     files: Annotated[dict[str, str], Field(max_length=500)] = Field(default_factory=dict)
-    """Text by path, relative to the document."""
+    """Text files by path, relative to the .vast file."""
     binary_files: Annotated[dict[str, str], Field(max_length=500)] = Field(default_factory=dict)
-    """Base64 by path, relative to the document."""
+    """Base64-encoded files by path, relative to the .vast file."""
 
 
 class KeyToPath(_Spec):
-    """One key of a ConfigMap and the file that it becomes."""
+    """One key of a ConfigMap and the path of its file."""
 
     key: Annotated[str, Field(pattern=r"^[-._a-zA-Z0-9]+$", max_length=253)]
     """Key in the ConfigMap."""
     path: FilePath
-    """Path of the file, relative to the document."""
+    """Path of the file, relative to the .vast file."""
 
 
 class ConfigMapSource(_Spec):
@@ -82,18 +82,18 @@ class ConfigMapSource(_Spec):
     name: ObjectName
     """Name of the ConfigMap."""
     items: Annotated[list[KeyToPath], Field(max_length=500)] = Field(default_factory=list)
-    """Paths of its keys, as in a volume; without any, each key is a file name."""
+    """Paths of the keys, as in a volume (default: each key is a file name)."""
 
 
 class BundleSource(_Spec):
-    """A `.tar.gz` of the document's folder in S3."""
+    """A `.tar.gz` archive with the folder of the .vast file, in object storage (S3)."""
 
     key: Annotated[str, Field(min_length=1, max_length=1024)]
     """Key of the object."""
     sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-    """Checksum of the object; another content is refused."""
+    """SHA-256 of the object. The operator rejects other content."""
     bucket: Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9.-]{1,61}[a-z0-9]$")] | None = None
-    """Its bucket; default `robovast-bundles`."""
+    """Bucket of the object (default: `robovast-bundles`)."""
 
 
 class GitRepository(_Spec):
@@ -102,62 +102,62 @@ class GitRepository(_Spec):
     url: Annotated[str, Field(pattern=r"^(https?|ssh|git|file)://.+$", max_length=1024)]
     """URL of the repository."""
     ref: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._/-]*$", max_length=250)]
-    """Commit, tag or branch; only a commit names the same content for ever."""
+    """Commit, tag or branch. Only a commit always has the same content."""
     path: Annotated[str, Field(max_length=1024)] = ""
-    """Folder in the repository; default its top."""
+    """Folder in the repository (default: the top folder)."""
     secret_name: SecretName | None = None
-    """Secret of the namespace with `username` and `password` of an account, for an `https` URL."""
+    """Secret in the namespace with `username` and `password` of an account, for an `https` URL."""
 
 
 class Source(_Spec):
-    """The files that belong to the document: at most one of these."""
+    """Source of the files that belong to the .vast file: at most one of these keys."""
 
     inline: InlineFiles | None = None
-    """Files in the Campaign itself, up to about 700 kB together."""
+    """Files inside the Campaign, up to about 700 kB in total."""
     config_map: ConfigMapSource | None = None
     """Files from a ConfigMap."""
     bundle: BundleSource | None = None
-    """Files from an archive in S3."""
+    """Files from an archive in object storage (S3)."""
     git: GitRepository | None = None
     """Files from a Git repository."""
 
 
 class Storage(_Spec):
-    """Where results go."""
+    """Object storage of the results."""
 
     secret_name: SecretName = CREDENTIALS_SECRET
-    """Secret of the namespace with `accessKey` and `secretKey`."""
+    """Secret in the namespace with `accessKey` and `secretKey`."""
     endpoint: Annotated[str, Field(pattern=r"^https?://.+$", max_length=1024)] | None = None
-    """URL of the S3 server as pods reach it; default that of the installation."""
+    """URL of the S3 server for pods (default: the server of the installation)."""
     region: Annotated[str, Field(max_length=100)] | None = None
-    """Region, where the server has any."""
+    """Region of the S3 server (default: none)."""
     prefix: Annotated[str, Field(pattern=r"^[a-z0-9]([a-z0-9-]{0,29})$")] | None = None
-    """Begins the bucket's name."""
+    """Prefix of the name of the bucket."""
     retention: Literal["Retain", "Delete"] = "Retain"
-    """Whether the bucket stays when the Campaign is deleted. `Delete` sets a finalizer."""
+    """Whether the bucket stays when the Campaign is deleted. `Delete` adds a finalizer."""
 
 
 class ShareTarget(_Spec):
-    """A place outside of the cluster that a campaign's results are uploaded to."""
+    """A remote file share outside the cluster that receives the results."""
 
     secret_name: SecretName
-    """Secret of the namespace with the variables that describe it, as `ROBOVAST_SHARE_TYPE`."""
+    """Secret in the namespace with the variables of the share, such as `ROBOVAST_SHARE_TYPE`."""
 
 
 class Acceptance(_Spec):
-    """When a campaign has passed."""
+    """Condition under which a campaign passes."""
 
     min_pass_ratio: Annotated[str, Field(pattern=r"^(0(\.[0-9]+)?|1(\.0+)?)$", max_length=20)] = "1"  # noqa: S105
-    """Least share of passed runs, `0` to `1`."""
+    """Minimum fraction of passed runs, from `0` to `1`."""
 
 
 class FailFast(_Spec):
-    """When a campaign is given up before its end."""
+    """Conditions under which a campaign is aborted."""
 
     max_failed: Annotated[int, Field(ge=0, le=1_000_000)] | None = None
-    """Most runs that may fail; one more ends the campaign."""
+    """Maximum number of failed runs. One more failed run aborts the campaign."""
     max_errored: Annotated[int, Field(ge=0, le=1_000_000)] | None = None
-    """Most runs that may end by an error; one more ends the campaign."""
+    """Maximum number of errored runs. One more errored run aborts the campaign."""
 
 
 class Toleration(_Spec):
@@ -166,26 +166,26 @@ class Toleration(_Spec):
     key: Annotated[str, Field(pattern=LABEL_KEY, max_length=317)] | None = None
     """Key of the taint."""
     operator: Literal["Exists", "Equal"] = "Equal"
-    """How `value` is compared."""
+    """Operator that compares `value`."""
     value: Annotated[str, Field(max_length=63)] | None = None
     """Value of the taint."""
     effect: Literal["NoSchedule", "PreferNoSchedule", "NoExecute"] | None = None
-    """Effect of the taint; default any."""
+    """Effect of the taint (default: any)."""
     toleration_seconds: Annotated[int, Field(ge=0)] | None = None
-    """How long `NoExecute` is tolerated [s]."""
+    """Time for which `NoExecute` is tolerated, in seconds."""
 
 
 class NodeRequirement(_Spec):
-    """What a label of a node must be."""
+    """A requirement on a label of a node."""
 
     key: Annotated[str, Field(pattern=LABEL_KEY, max_length=317)]
     """Key of the label."""
     operator: Literal["In", "NotIn", "Exists", "DoesNotExist", "Gt", "Lt"] = "In"
-    """How it is compared with `values`."""
+    """Operator that compares the label with `values`."""
     values: Annotated[list[Annotated[str, Field(max_length=63)]], Field(max_length=50)] = Field(
         default_factory=list
     )
-    """Values, of which one must match; none for `Exists` and `DoesNotExist`."""
+    """Values. One value must match. Must be empty for `Exists` and `DoesNotExist`."""
 
     @model_validator(mode="after")
     def _values_are_compared(self) -> NodeRequirement:
@@ -194,51 +194,53 @@ class NodeRequirement(_Spec):
         return self
 
 
-COMPARED_VALUES = "`Exists` and `DoesNotExist` have no `values`; all other operators need some"
+COMPARED_VALUES = (
+    "`Exists` and `DoesNotExist` must have no `values`, all other operators need at least one"
+)
 
 
 class NodePreference(NodeRequirement):
-    """What a label of a node should be."""
+    """A preference for a label of a node."""
 
     weight: Annotated[int, Field(ge=1, le=100)] = 1
-    """How much it counts beside others."""
+    """Weight of the preference, compared with other preferences."""
 
 
 class NodeAffinity(_Spec):
-    """Which nodes pods may be on."""
+    """Requirements on nodes, and preferences."""
 
     required: Annotated[list[NodeRequirement], Field(max_length=20)] = Field(default_factory=list)
-    """What holds for every node that they may be on, all of it."""
+    """Requirements that a node must meet, all of them."""
     preferred: Annotated[list[NodePreference], Field(max_length=20)] = Field(default_factory=list)
-    """What holds for nodes that are taken first."""
+    """Preferences for nodes."""
 
 
 class TopologySpread(_Spec):
-    """Over what the pods of the campaign's runs are spread."""
+    """Rule that spreads the run pods of the campaign over nodes or zones."""
 
     topology_key: Annotated[str, Field(pattern=LABEL_KEY, max_length=317)]
-    """Label of nodes: all with one value of it are one place."""
+    """Label of nodes. Nodes with the same value are one topology domain."""
     max_skew: Annotated[int, Field(ge=1, le=10_000)] = 1
-    """Most pods that one place may have more than another."""
+    """Maximum difference between the numbers of pods of two domains."""
     when_unsatisfiable: Literal["DoNotSchedule", "ScheduleAnyway"] = "ScheduleAnyway"
-    """Whether pods wait when it cannot be kept."""
+    """Whether pods wait if the rule cannot be met."""
 
 
 class SecretReference(_Spec):
-    """A Secret of the namespace."""
+    """A Secret in the namespace."""
 
     name: SecretName
-    """Its name."""
+    """Name of the Secret."""
 
 
 LabelValue = Annotated[str, Field(pattern=r"^([A-Za-z0-9]([-A-Za-z0-9_.]{0,61}[A-Za-z0-9])?)?$")]
 
 
 class Scheduling(_Spec):
-    """What may be said about pods; never a free patch of them."""
+    """Scheduling of pods, limited to safe fields."""
 
     node_selector: Annotated[dict[str, str], Field(max_length=50)] = Field(default_factory=dict)
-    """Labels that a node must have, beside those of the document."""
+    """Labels that a node must have, in addition to the labels in the .vast file."""
     tolerations: Annotated[list[Toleration], Field(max_length=50)] = Field(default_factory=list)
     """Taints that the pods tolerate."""
     priority_class_name: ObjectName | None = None
@@ -246,23 +248,25 @@ class Scheduling(_Spec):
     runtime_class_name: ObjectName | None = None
     """Runtime class of the pods."""
     node_affinity: NodeAffinity = Field(default_factory=NodeAffinity)
-    """Nodes that pods may be on, or rather should be on."""
+    """Required and preferred nodes."""
     topology_spread: Annotated[list[TopologySpread], Field(max_length=5)] = Field(
         default_factory=list
     )
-    """How the pods of runs are spread over nodes or zones."""
+    """Rules that spread run pods over nodes or zones."""
     image_pull_secrets: Annotated[list[SecretReference], Field(max_length=20)] = Field(
         default_factory=list
     )
-    """Secrets of the namespace that pull private images."""
+    """Secrets in the namespace that pull private images."""
     pod_annotations: Annotated[dict[str, str], Field(max_length=20)] = Field(default_factory=dict)
-    """Annotations of the pods, from the list that an administrator allows."""
+    """Annotations of the pods. Your administrator allows keys (chart value
+    `policies.podMetadata.annotations`)."""
     pod_labels: Annotated[dict[str, LabelValue], Field(max_length=20)] = Field(default_factory=dict)
-    """Labels of the pods, from the list that an administrator allows."""
+    """Labels of the pods. Your administrator allows keys (chart value
+    `policies.podMetadata.labels`)."""
 
 
 class SecretKey(SecretReference):
-    """One key of a Secret of the namespace."""
+    """One key of a Secret in the namespace."""
 
     key: Annotated[str, Field(pattern=r"^[-._a-zA-Z0-9]+$", max_length=253)]
     """Key in the Secret."""
@@ -274,22 +278,23 @@ SUBJECTS: tuple[Subject, ...] = get_args(Subject)
 
 
 class Notification(_Spec):
-    """Somebody who is told when a campaign ends, or when it needs help."""
+    """A notification target."""
 
     kind: Literal["ntfy", "webhook"]
-    """`ntfy` is told in its own way; a `webhook` gets JSON."""
+    """`ntfy` gets a message in the format of ntfy. `webhook` gets JSON."""
     url: HttpUrl | None = None
-    """Where to: for ntfy the topic, `https://ntfy.sh/TOPIC`."""
+    """URL of the target. For ntfy, the URL of the topic, such as `https://ntfy.sh/TOPIC`."""
     url_from: SecretKey | None = None
-    """The same from a Secret, for a URL that nobody may read."""
+    """Secret with the URL of the target, for a confidential URL."""
     token_from: SecretKey | None = None
-    """Token of an account, from a Secret; sent as `Authorization: Bearer`."""
+    """Secret with the token of an account. The token is sent as `Authorization: Bearer`."""
     subjects: Annotated[list[Subject], Field(min_length=1, max_length=len(SUBJECTS))] = Field(
         default_factory=lambda: list[Subject](["Finished", "Trouble"])
     )
-    """What about; default its end and trouble."""
+    """Events that cause a notification. `Trouble` stands for the condition `Stalled` (default:
+    `Finished` and `Trouble`)."""
     link: HttpUrl | None = None
-    """Page that the message leads to."""
+    """URL of the link in the notification."""
 
     @model_validator(mode="after")
     def _one_address(self) -> Notification:
@@ -298,69 +303,70 @@ class Notification(_Spec):
         return self
 
 
-ONE_ADDRESS = "a notification has an address: either `url` or `urlFrom`"
+ONE_ADDRESS = "a notification needs exactly one address: `url` or `urlFrom`"
 
 NOTIFICATIONS_LIMIT = 5
 
 
 class CampaignSpec(_Spec):
-    """A campaign: a .vast document and how to execute it."""
+    """A campaign: a .vast file and the settings of its runs."""
 
     vast: dict[str, Any]
-    """The .vast document, in its own spelling."""
+    """Content of the .vast file."""
     document: (
         Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*\.vast$", max_length=100)] | None
     ) = None
-    """File name of the document in the results; default the Campaign's name and `.vast`."""
+    """Name of the .vast file in the results (default: the name of the Campaign and `.vast`)."""
     source: Source = Field(default_factory=Source)
-    """Files that belong to the document."""
+    """Source of the files that belong to the .vast file."""
     image: Annotated[str, Field(pattern=IMAGE, max_length=500)] | None = None
-    """Container image; replaces `execution.image` of the .vast file."""
+    """Container image (default: `execution.image` of the .vast file)."""
     cluster: Annotated[str, Field(max_length=253)] | None = None
-    """Name of this cluster in values that the document gives per cluster."""
+    """Name of this cluster, for values that the .vast file sets per cluster."""
     select: Annotated[
         list[Annotated[str, Field(min_length=1, max_length=253)]], Field(max_length=100)
     ] = Field(default_factory=list)
-    """Patterns of configuration names, as `hall-*`; default all."""
+    """Names or patterns of configurations, such as `hall-*` (default: all)."""
     runs: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    """Runs of each configuration, in place of the document's. May be raised at any time."""
+    """Runs of each configuration (default: `execution.runs` of the .vast file). You can raise the
+    number at any time."""
     parallelism: Annotated[int, Field(ge=1, le=10_000)] = 100
-    """Most pods at once."""
+    """Maximum number of concurrent run pods."""
     attempt: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Raised by one, all failed and errored runs are executed once more."""
+    """Number of the attempt. Raise the number by one to repeat all failed and errored runs."""
     suspend: bool = False
-    """Stops all pods; set back, the campaign goes on after its last stored run."""
+    """Stops all pods. `false` resumes the campaign after the last stored run."""
     queue_name: Annotated[str, Field(pattern=DNS_LABEL, max_length=63)] | None = None
     """Kueue LocalQueue that admits the campaign's Jobs."""
     queue_priority_class_name: ObjectName | None = None
-    """Kueue WorkloadPriorityClass of the campaign's Jobs: what is higher comes first in a queue."""
+    """Kueue WorkloadPriorityClass of the campaign's Jobs. Higher priorities are admitted first."""
     reuse: bool = False
-    """Take over runs that other campaigns of the storage have stored with the same inputs and seed,
-    if they have it set, too. The image needs a digest, and the document a seed."""
+    """Reuses runs with identical inputs and seed of other campaigns in the object storage that also
+    set `reuse`. The image needs a digest, and the .vast file a seed."""
     options: Annotated[str, Field(pattern=r"^[-A-Za-z0-9_=. ]*$", max_length=500)] = ""
-    """Further options of the scenario execution, as `-t -d`."""
+    """Further options of scenario-execution, such as `-t -d`."""
     storage: Storage = Field(default_factory=Storage)
-    """Where results go."""
+    """Object storage of the results."""
     share: ShareTarget | None = None
-    """Where an archive of the results is uploaded to whenever they are complete."""
+    """Remote file share that receives an archive of the results when the results are complete."""
     process_results: bool = False
-    """Work the results up in the cluster, too, as the document's `results_processing` says."""
+    """Postprocesses the results in the cluster (`results_processing` of the .vast file)."""
     acceptance: Acceptance = Field(default_factory=Acceptance)
-    """When the campaign has passed."""
+    """Condition under which the campaign passes."""
     fail_fast: FailFast = Field(default_factory=FailFast)
-    """When the campaign is given up."""
+    """Conditions under which the campaign is aborted."""
     scheduling: Scheduling = Field(default_factory=Scheduling)
-    """Where and how pods are scheduled."""
+    """Scheduling of pods."""
     notifications: Annotated[list[Notification], Field(max_length=NOTIFICATIONS_LIMIT)] = Field(
         default_factory=list
     )
-    """Who is told when the campaign ends, or needs help."""
+    """Notification targets."""
     ttl_seconds_after_finished: Annotated[int, Field(ge=0)] | None = None
-    """When Jobs and pods of a finished campaign are removed [s]; the Campaign stays."""
+    """Seconds after which Jobs and pods of a finished campaign are deleted. The Campaign stays."""
 
 
 ENTRY_KEYS = ("parameters", "variations", "design")
-"""Keys of a document's entry that a Configuration has, too."""
+"""Keys of a configuration entry that a Configuration also has."""
 
 
 class ConfigurationSpec(_Spec):
@@ -369,12 +375,13 @@ class ConfigurationSpec(_Spec):
     campaign: ObjectName
     """Name of the Campaign, in the same namespace."""
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")] | None = None
-    """Name of the entry: the results folders begin with it; default that of this object."""
+    """Name of the configuration entry, and prefix of its results folders (default: the name of this
+    object)."""
     parameters: list[dict[str, Any]] | None = None
-    """Fixed scenario parameters, one `name: value` pair an item."""
+    """Fixed scenario parameters, one `name: value` pair per item."""
     variations: list[Any] | None = None
-    """Variations in order, as in a .vast document."""
+    """Variations in order, as in a .vast file."""
     design: dict[str, Any] | None = None
-    """Which combinations of the variations' values are made, as in a .vast document."""
+    """Combination design of the variations, as in a .vast file."""
     runs: Annotated[int, Field(ge=1, le=100_000)] | None = None
-    """Runs of each of its variants; default those of the campaign."""
+    """Runs of each configuration (default: the runs of the campaign)."""

@@ -1,9 +1,9 @@
 """Which Secrets a Campaign may name: only those that were made for campaigns.
 
-Whoever may make Campaigns need not be allowed to read Secrets, but pods of a Campaign hand what
-they mount to its author: to an address of theirs, or to their plugins. So a Secret opts in by its
-name. The API server refuses others (a rule at every field of this kind), and the operator makes no
-pod with what was stored before there was that rule.
+Users who may create Campaigns may lack the permission to read Secrets, but the author of a Campaign
+can read the files that its pods mount, with plugins or an S3 address. So a Secret opts in by its
+name. The API server rejects other Secrets (a rule at each such field), and the operator creates no
+pods for Campaigns that were stored without that rule.
 """
 
 from __future__ import annotations
@@ -15,15 +15,14 @@ from pydantic import BaseModel, GetJsonSchemaHandler
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema
 
-SECRET_PREFIX = "robovast-"  # noqa: S105 - what names of Secrets begin with
+SECRET_PREFIX = "robovast-"  # noqa: S105 - a prefix of names
 
 ALLOWED_BESIDE = "self in []"
-"""What the chart replaces in the rule where an administrator allows other names."""
+"""Part of the rule that the chart replaces by the names that an administrator allows."""
 
 REMEDY = (
-    f"a Campaign may name only Secrets that are meant for campaigns: their names begin with "
-    f"`{SECRET_PREFIX}`, or are allowed by whoever keeps the cluster (chart value "
-    "`policies.secretNames`)"
+    f"a Campaign may use only Secrets for campaigns: their names begin with `{SECRET_PREFIX}`, or "
+    "your cluster administrator allows the names (chart value `policies.secretNames`)"
 )
 
 
@@ -33,7 +32,7 @@ class _MadeForCampaigns:
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        """The field's schema with the rule that an API server keeps."""
+        """Return the schema of the field with the rule that the API server enforces."""
         rule = f"self.startsWith('{SECRET_PREFIX}') || {ALLOWED_BESIDE}"
         rules = [{"rule": rule, "message": REMEDY}]
         return {**handler(schema), "x-kubernetes-validations": rules}
@@ -43,28 +42,28 @@ MADE_FOR_CAMPAIGNS = _MadeForCampaigns()
 
 
 def may_be_named(name: str, allowed: Container[str]) -> bool:
-    """Whether a Campaign may name a Secret.
+    """Return whether a Campaign may use a Secret.
 
     Args:
         name: of the Secret.
-        allowed: names beside those with the prefix.
+        allowed: names without the prefix.
     """
     return name.startswith(SECRET_PREFIX) or name in allowed
 
 
 def refusal(spec: BaseModel, allowed: Container[str]) -> str:
-    """The refusal of a spec that names forbidden Secrets; empty if it names none.
+    """Return the error about forbidden Secrets in a spec; empty if there are none.
 
     Args:
-        spec: of a Campaign, or a part of one.
-        allowed: names beside those with the prefix.
+        spec: of a Campaign, or a part of a spec.
+        allowed: names without the prefix.
     """
     named = ", ".join(f"{at} names `{name}`" for at, name in _foreign(spec, allowed))
     return named and f"{named}: {REMEDY}"
 
 
 def _foreign(spec: BaseModel, allowed: Container[str]) -> Iterator[tuple[str, str]]:
-    """The places and names of forbidden Secrets in a spec."""
+    """Generate the keys and names of forbidden Secrets in a spec."""
     for name, field in type(spec).model_fields.items():
         value, place = getattr(spec, name), field.alias or name
         named = value is not None and MADE_FOR_CAMPAIGNS in _marks(field)
@@ -75,14 +74,14 @@ def _foreign(spec: BaseModel, allowed: Container[str]) -> Iterator[tuple[str, st
 
 
 def _marks(field: FieldInfo) -> Iterator[object]:
-    """The metadata of a field's annotation; `… | None` keeps it inside."""
+    """Generate the metadata of the annotation of a field, also inside `… | None`."""
     yield from field.metadata
     for alternative in get_args(field.annotation):
         yield from getattr(alternative, "__metadata__", ())
 
 
 def _parts(value: object) -> Iterator[tuple[str, BaseModel]]:
-    """The models in a field's value, with their places."""
+    """Generate the models in the value of a field, with their positions."""
     if isinstance(value, BaseModel):
         yield "", value
     elif isinstance(value, Sequence):

@@ -15,28 +15,28 @@ from robovast.campaign.decisions import DECISIONS_LIMIT
 from robovast.model.repetition import GroupSizes
 
 RANGES_LIMIT = 16_384
-"""Most characters of the ranges of bad runs; the index in the bucket is complete."""
+"""Maximum length of the ranges of unsuccessful runs [characters]. The index is complete."""
 
 SHARDS_LIMIT = 512
-"""Most shards that are told one by one; older ones are remembered as numbers."""
+"""Maximum number of shards in a status. Older shards are only counted."""
 
 NOTIFIED_LIMIT = 50
 
 FAILING_LIMIT = 10
 
 YEARS = range(1970, 3000)
-"""Of times that can be reckoned with."""
+"""Years of valid times."""
 
 
 def check_time(text: str) -> str:
-    """A time as Kubernetes writes it, as it is.
+    """Return a time unchanged if it has the format of Kubernetes.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the time has another format.
     """
     moment = datetime.fromisoformat(text)
     if moment.tzinfo is None or moment.year not in YEARS:
-        raise ValueError(f"{text} is no time as 2026-11-21T07:00:00Z")
+        raise ValueError(f"{text} is not a time such as 2026-11-21T07:00:00Z")
     return text
 
 
@@ -58,7 +58,7 @@ Ranges = Annotated[str, AfterValidator(_check_ranges)]
 
 
 class Lenient(BaseModel):
-    """Data that another version may have written: unknown keys are ignored."""
+    """Data of another version of RoboVAST. Unknown keys are ignored."""
 
     model_config = ConfigDict(
         extra="ignore",
@@ -70,247 +70,247 @@ class Lenient(BaseModel):
 
 
 class Condition(Lenient):
-    """One fact about an object, as Kubernetes writes them."""
+    """A condition in the format of Kubernetes."""
 
     type: str
-    """Which fact."""
+    """Type of the condition, in CamelCase."""
     status: Literal["True", "False", "Unknown"]
-    """Whether it holds."""
+    """Status of the condition."""
     reason: str
-    """Why, in one word."""
+    """Reason of the last transition, in CamelCase."""
     message: str = ""
-    """Why, for people."""
+    """Cause and next step, as text."""
     observed_generation: int = 0
-    """Generation of the object that this is about."""
+    """Generation of the object for which the condition was set."""
     last_transition_time: Time = ""
-    """When `status` changed."""
+    """Time of the last change of `status`."""
 
 
 class Runs(Lenient):
     """Numbers of runs."""
 
     total: int = 0
-    """All runs."""
+    """Number of all runs."""
     active: int = 0
-    """Pods that are at work now, with one run at a time."""
+    """Number of running pods. Each pod runs one run at a time."""
     waiting: int = 0
-    """Pods that are there and not at work: without a node or an image yet, or just starting."""
+    """Number of pods that exist but are not running yet (unscheduled, pulling, starting)."""
     passed: int = 0
-    """Runs whose scenario succeeded."""
+    """Number of runs whose scenario succeeded."""
     failed: int = 0
-    """Runs whose scenario failed."""
+    """Number of runs whose scenario failed."""
     errored: int = 0
-    """Runs that something else ended."""
+    """Number of runs that ended for another reason, such as a crash or a timeout."""
     stored: int = 0
-    """Runs whose results are in the bucket."""
+    """Number of runs whose results are in the bucket."""
     undecided: int = 0
-    """Runs that have ended and whose verdict is not known yet; the index in the bucket tells."""
+    """Number of finished runs without a known verdict. The index in the bucket contains it."""
 
     not_needed: int = 0
-    """Runs that are not executed, since others have decided about their configuration."""
+    """Number of runs that are not needed, because other runs decided their configuration."""
 
     @property
     def decided(self) -> int:
-        """Runs with a verdict."""
+        """Return the number of runs with a verdict."""
         return self.passed + self.failed + self.errored
 
     @property
     def needed(self) -> int:
-        """All runs but those that are known not to be needed."""
+        """Return the number of runs without the runs that are not needed."""
         return self.total - self.not_needed
 
 
 class Shard(Lenient):
-    """One Job over consecutive packs of runs."""
+    """A Kubernetes Job with consecutive jobs of runs."""
 
     index: int
-    """Number of the shard."""
+    """Number of the Kubernetes Job in the campaign."""
     job: str
-    """Name of its Job; of one that was made anew for another cluster, that of the first."""
+    """Name of the Kubernetes Job; of the first one, if the Job was created again."""
     state: Literal["Waiting", "Open", "Complete", "Failed"]
-    """`Failed` when its Job did not come to its end."""
+    """State. `Failed` means that the Kubernetes Job did not complete."""
     packs: str = ""
-    """Its packs as a range, of a repetition its groups of bad runs."""
+    """Range of jobs. In a retry, range of groups of unsuccessful runs."""
     attempt: int = 1
-    """1, or the repetition that it belongs to."""
+    """Number of the attempt."""
     passed: int = 0
-    """Of a shard that has ended: its runs that passed."""
+    """Number of passed runs, after the Kubernetes Job has finished."""
     failed: int = 0
-    """Of a shard that has ended: its runs that failed."""
+    """Number of failed runs, after the Kubernetes Job has finished."""
     errored: int = 0
-    """Of a shard that has ended: its runs that errored."""
+    """Number of errored runs, after the Kubernetes Job has finished."""
     not_needed: int = 0
-    """Of a shard that has ended: its runs that are not needed."""
+    """Number of runs that are not needed, after the Kubernetes Job has finished."""
     configuration: str = ""
-    """Configuration object that it belongs to; empty when it belongs to the document."""
+    """Configuration object with the runs. Empty if the runs belong to the .vast file."""
     plan: str = ""
-    """ConfigMap with its plan."""
+    """ConfigMap with the plan."""
 
 
 class Settled(Lenient):
-    """What is known of the shards that have ended and are remembered as numbers only."""
+    """Totals of finished Kubernetes Jobs that are no longer listed."""
 
     shards: int = 0
-    """How many they are."""
+    """Number of these Kubernetes Jobs."""
     first: int = 0
-    """How many of them are first attempts: the campaign's first ones."""
+    """Number of these Kubernetes Jobs that belong to the first attempt."""
     repeated: int = 0
-    """How many of them belong to the repetition that is under way: its first ones."""
+    """Number of these Kubernetes Jobs that belong to the current retry."""
     passed: int = 0
-    """Their runs that passed."""
+    """Number of passed runs."""
     failed: int = 0
-    """Their runs that failed."""
+    """Number of failed runs."""
     errored: int = 0
-    """Their runs that errored."""
+    """Number of errored runs."""
     not_needed: int = 0
-    """Their runs that are not needed."""
+    """Number of runs that are not needed."""
 
 
 class BadRuns(Lenient):
-    """The failed and errored runs that the last index of the bucket names."""
+    """The unsuccessful runs in the last index of the bucket."""
 
     shards: int
-    """How many shards that index covers."""
+    """Number of Kubernetes Jobs that the index covers."""
     total: int
-    """How many runs it covers."""
+    """Number of runs that the index covers."""
     attempt: int
-    """After which attempt it was made."""
+    """Attempt after which the index was created."""
     runs: int
-    """How many are bad."""
+    """Number of unsuccessful runs."""
     plan: str
     """ConfigMap with the plan."""
     list: str = ""
-    """Name of the list in the bucket, `_transient/bad-runs-LIST.txt`; empty without one."""
+    """Name LIST of the list `_transient/bad-runs-LIST.txt` in the bucket. Empty without a list."""
     sizes: Annotated[str, AfterValidator(_check_sizes)] = ""
-    """Sizes of the groups in which they are executed once more, `20x13,4x1`."""
+    """Sizes of the groups that a retry repeats, such as `20x13,4x1`."""
 
 
 class QueuePlace(Lenient):
-    """Where a campaign that waits stands in its Kueue queue."""
+    """Position of a waiting campaign in the Kueue queue."""
 
     position: int
-    """1 for the next one, of all that wait in the ClusterQueue."""
+    """Position among all workloads that wait in the ClusterQueue. 1 is the next."""
     pending: int
-    """How many wait there, as far as this namespace's last one."""
+    """Number of waiting workloads, up to the last workload of this namespace."""
     estimated_start: Time | None = None
-    """When it will start, if those before it go on as so far; absent when that is not known."""
+    """Estimated start, if earlier workloads continue at the same pace. Absent if unknown."""
     summary: str = ""
-    """`3 of 7, about 12 min`, for people."""
+    """Summary, such as `3 of 7, about 12 min`."""
 
 
 class Estimate(Lenient):
-    """When a campaign ends, by its own pace; it changes with the numbers of runs only."""
+    """Estimated completion of a campaign. Changes only when further runs have finished."""
 
     end: Time
-    """When it ends."""
+    """Estimated completion."""
     earliest: Time
-    """Nine of ten campaigns end between this time"""
+    """Start of the interval in which nine of ten campaigns complete."""
     latest: Time
-    """and this one."""
+    """End of the interval in which nine of ten campaigns complete."""
     cpu_hours: float | None = None
-    """What its pods ask for until then [CPU-hours]; absent where the document limits no CPUs."""
+    """CPU-hours that the pods request until the end. Absent if the .vast file sets no CPUs."""
 
 
 class SearchStatus(Lenient):
-    """How far a search is."""
+    """Progress of a search."""
 
     batch: int = 0
-    """How many batches are scored."""
+    """Number of scored batches."""
     evaluated: int = 0
-    """How many parameter sets have a score."""
+    """Number of scored parameter sets."""
     best: str = ""
-    """The best value so far, `failure_rate 0.97`."""
+    """Best value, such as `failure_rate 0.97`."""
     criteria: str = ""
-    """How far each criterion is, `batches 3/50 | failure_rate 0.97/0.9`."""
+    """Progress of each criterion, such as `batches 3/50 | failure_rate 0.97/0.9`."""
     stop: str = ""
-    """What has ended the search: a criterion, `exhausted`, `errors` or `strategy`."""
+    """Cause of the end of the search: a criterion, `exhausted`, `errors` or `strategy`."""
     stop_reason: str = ""
-    """Why, for people."""
+    """Cause of the end of the search, as text."""
     plan: str = ""
-    """The ConfigMap with the plan that this is about."""
+    """ConfigMap with the plan of this progress."""
 
 
 class CampaignStatus(Lenient):
-    """What is known about a campaign."""
+    """Status of a campaign."""
 
     observed_generation: int = 0
-    """Generation that this status is about."""
+    """Generation of the object that this status describes."""
     state: str = "Pending"
-    """One word for people; programs read the conditions."""
+    """Summary in one word. Programs read the conditions instead."""
     progress: str = ""
-    """`912/1000`: runs with a result, of all that are needed."""
+    """Runs with a verdict and needed runs, such as `912/1000`."""
     campaign: str = ""
     """Name of the results folder."""
     bucket: str = ""
     """Bucket of the results."""
     endpoint: str = ""
-    """URL of the S3 server as pods reach it."""
+    """URL of the S3 server for pods."""
     image: str = ""
     """Container image of the runs."""
     attempt: int = 1
-    """How often bad runs were executed, at most."""
+    """Number of the current attempt."""
     runs_per_configuration: int = 0
-    """Planned runs of each configuration; `spec.runs` cannot be lower."""
+    """Planned runs of each configuration. `spec.runs` cannot be lower."""
     runs: Runs = Field(default_factory=Runs)
     """Numbers of runs."""
     failed_runs: Ranges = ""
-    """Ids of failed runs as ranges, `17,204-206`."""
+    """Ids of failed runs as ranges, such as `17,204-206`."""
     errored_runs: Ranges = ""
     """Ids of errored runs as ranges."""
     ranges_truncated: bool = False
-    """Whether ids are missing above; `_execution/index.json` in the bucket has them all."""
+    """Whether ids are missing in the ranges. `_execution/index.json` in the bucket has all ids."""
     failing: Annotated[list[str], Field(max_length=FAILING_LIMIT)] = Field(default_factory=list)
-    """First bad runs by results folder."""
+    """Results folders of the first unsuccessful runs."""
     shards: Annotated[list[Shard], Field(max_length=SHARDS_LIMIT)] = Field(default_factory=list)
-    """The Jobs, the latest of them."""
+    """The latest Kubernetes Jobs."""
     finished_shards: int = 0
-    """How many shards the index in the bucket covers."""
+    """Number of Kubernetes Jobs that the index in the bucket covers."""
     settled: Settled = Field(default_factory=Settled)
-    """Shards that are remembered as numbers only."""
+    """Totals of finished Kubernetes Jobs that are no longer listed."""
     bad: BadRuns | None = None
-    """The bad runs that the index in the bucket names; `spec.attempt` repeats them."""
+    """The unsuccessful runs in the index of the bucket, which `spec.attempt` repeats."""
     search: SearchStatus | None = None
-    """How far its search is, where the document has one."""
+    """Progress of the search, if the .vast file has `search`."""
     decisions: Annotated[str, Field(max_length=DECISIONS_LIMIT)] = ""
-    """What is decided about configurations, where `execution.runs` decides; at the end."""
+    """Decisions about configurations at the end, if `execution.runs` has a rule."""
     queue: QueuePlace | None = None
-    """Its place in the queue, while all of it waits there."""
+    """Position in the queue, while the whole campaign waits."""
     estimate: Estimate | None = None
-    """When it ends, while its runs are executed and one has ended."""
+    """Estimated completion, while runs are in progress and at least one run has finished."""
     start_time: Time | None = None
-    """When the first Job was made, or had left its queue."""
+    """Time when the first Kubernetes Job was created, or admitted by the queue."""
     completion_time: Time | None = None
-    """When the last run ended."""
+    """Time when the last run finished."""
     shared: str = ""
-    """Which of the results a Job uploads to `spec.share`, or has."""
+    """Version of the results that a Job uploads, or has uploaded, to `spec.share`."""
     notified: Annotated[list[str], Field(max_length=NOTIFIED_LIMIT)] = Field(default_factory=list)
-    """What `spec.notifications` were told, the last of it."""
+    """The latest notifications that were sent to `spec.notifications`."""
     conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
-    """Facts that programs wait for."""
+    """Conditions."""
 
 
 class ConfigurationStatus(Lenient):
-    """What is known about a configuration."""
+    """Status of a configuration."""
 
     observed_generation: int = 0
-    """Generation that this status is about."""
+    """Generation of the object that this status describes."""
     variants: int = 0
-    """How many variants it expands to."""
+    """Number of configurations after expansion."""
     progress: str = ""
-    """`18/20`: runs with a result, of all that are needed."""
+    """Runs with a verdict and needed runs, such as `18/20`."""
     runs: Runs = Field(default_factory=Runs)
     """Numbers of runs."""
     conditions: Annotated[list[Condition], Field(max_length=16)] = Field(default_factory=list)
-    """Facts that programs wait for."""
+    """Conditions."""
 
 
 Status = TypeVar("Status", bound=Lenient)
 
 
 def read_status(kind: type[Status], data: object) -> Status:
-    """A status as it is in an object; fields that cannot be understood are left out.
+    """Return the status of an object without invalid fields.
 
-    Others may have written it, or another version; what is left out is found out anew.
+    Other programs or versions may have written the status. Missing fields are computed again.
     """
     given: dict[str, Any] = dict(data) if isinstance(data, Mapping) else {}
     while True:
@@ -322,7 +322,7 @@ def read_status(kind: type[Status], data: object) -> Status:
 
 
 def compact(data: Any) -> Any:
-    """Plain data without what is empty: an object that is read and kept often stays small."""
+    """Return data without empty values, so that objects stay small."""
     if isinstance(data, list):
         return [compact(item) for item in data]
     if not isinstance(data, dict):

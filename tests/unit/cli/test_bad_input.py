@@ -389,7 +389,7 @@ def test_gpus_that_are_named_and_not_asked_for_are_refused_wherever_runs_begin(
     ):
         outcome = vast("-V", "a.vast", *begin)
         assert outcome.code == 2
-        told = r"^(error: )?a\.vast:\d+:\d+: execution\.kubernetes\.gpu_resource: .* has `gpu`"
+        told = r"^(error: )?a\.vast:\d+:\d+: execution\.kubernetes\.gpu_resource: no container"
         assert re.search(told, outcome.err, re.M)
         assert "Add `gpu` to `execution.resources`" in outcome.err
         assert not (folder / "out").exists()
