@@ -79,7 +79,7 @@ def test_pictures_of_a_search_and_what_cannot_be_drawn(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             draw_map(stored, over, fixed)
-    with pytest.raises(InputError, match=r"ends with \.png or \.svg"):
+    with pytest.raises(InputError, match=r"must end in \.png or \.svg"):
         encoded(figure, Path("map.jpg"))
 
 

@@ -25,7 +25,7 @@ _GIVEN = ("results_dir", "config_dir", "context")
 
 @dataclass(frozen=True)
 class Choice:
-    """What the user wants."""
+    """The options of the command."""
 
     campaigns: list[str] | None
     override: Path | None
