@@ -74,7 +74,7 @@ class NoDifferences(kopf.StatusDiffBaseStorage):
     """
 
     def build(self, **_: Any) -> kopf.BodyEssence:
-        """The parts of an object to compare: none."""
+        """Return the parts of an object to compare: none."""
         return kopf.BodyEssence({})
 
 
@@ -86,7 +86,7 @@ class Patience:
 
 
 def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
-    """Configure kopf to watch only: no finalizers, annotations, events or peering of its own."""
+    """Configure kopf to watch only, without finalizers, annotations, events and peering."""
     settings.posting.enabled = False
     settings.scanning.disabled = True
     settings.peering.standalone = True

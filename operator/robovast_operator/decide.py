@@ -114,7 +114,7 @@ class Decision:
 
 
 def decide(snapshot: Snapshot) -> Decision:
-    """The next steps of an accepted campaign."""
+    """Return the next steps of an accepted campaign."""
     actions = [*_open_jobs(snapshot), *_new_jobs(snapshot), *_upload(snapshot)]
     created = [action.shard for action in actions if isinstance(action, CreateShard)]
     status = tell(snapshot, created)
@@ -124,7 +124,7 @@ def decide(snapshot: Snapshot) -> Decision:
 
 
 def _open_jobs(snapshot: Snapshot) -> list[Action]:
-    """Changes to Jobs that are running."""
+    """Return changes to Jobs that are running."""
     if snapshot.quiet:
         return []
     anew = [job for job in snapshot.open if _is_to_be_made_anew(snapshot, job)]
@@ -136,7 +136,7 @@ def _open_jobs(snapshot: Snapshot) -> list[Action]:
 
 
 def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
-    """Whether a Job must be suspended or resumed; Kueue owns that field of Jobs in its queues."""
+    """Return whether a Job must be suspended or resumed; Kueue does so for Jobs in its queues."""
     suspend = snapshot.accepted.spec.suspend
     if not job.queue:
         return job.suspended != suspend
@@ -144,7 +144,7 @@ def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
 
 
 def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
-    """Whether a Job must be replaced: it holds deleted pods, or waits where it is not to wait.
+    """Return whether a Job must be replaced: it holds deleted pods, or waits in a wrong place.
 
     So must one that begins anew in another cluster: what its status has counted may not decrease,
     and it need not wait for a cluster that is lost. And one that waits as for this cluster, though
@@ -199,13 +199,13 @@ def _grow(jobs: Sequence[JobState], free: int) -> list[Action]:
 
 
 def _cut(jobs: Sequence[JobState], parallelism: int) -> list[Action]:
-    """Reduce the only open Job to the pods that it may have."""
+    """Reduce the only open Job to the allowed number of pods."""
     too_many = len(jobs) == 1 and jobs[0].parallelism > parallelism
     return [ResizeJob(jobs[0].name, parallelism)] if too_many else []
 
 
 def _shrink(snapshot: Snapshot) -> list[Action]:
-    """Reduce a waiting Job to the pods that its queue can ever give, and that it may have."""
+    """Reduce a waiting Job to the number of pods that its queue and the campaign allow."""
     waiting, spec = snapshot.queue.waiting, snapshot.accepted.spec
     job = next((job for job in snapshot.open if waiting and job.name == waiting.job), None)
     if waiting is None or job is None:
@@ -230,7 +230,7 @@ def _new_jobs(snapshot: Snapshot) -> list[Action]:
 
 
 def _further_shards(snapshot: Snapshot) -> list[Action]:
-    """The next shards, as far as there are pods for them.
+    """Return the next shards, as far as there are pods for them.
 
     Where packs are measured, those of a round take the pods that the former one no longer needs.
     """
@@ -244,7 +244,7 @@ def _further_shards(snapshot: Snapshot) -> list[Action]:
 
 
 def _next_proposal(snapshot: Snapshot) -> list[Action]:
-    """When the runs that a search waits for have ended: propose further ones, then append them."""
+    """Propose further runs of a search when the awaited runs have finished; append the runs."""
     at_work = {job.name for job in _at_work(snapshot)}
     if not snapshot.due_to_propose:
         return []
@@ -259,7 +259,7 @@ def _next_proposal(snapshot: Snapshot) -> list[Action]:
 
 
 def _last_jobs(snapshot: Snapshot) -> list[Action]:
-    """When all runs have ended: make the index, then process the results."""
+    """Create the index when all runs have finished, then process the results."""
     plan, jobs = snapshot.revisions[-1].config_map, snapshot.jobs
     if snapshot.final is None:
         finish = snapshot.finish
@@ -270,7 +270,7 @@ def _last_jobs(snapshot: Snapshot) -> list[Action]:
 
 
 def _upload(snapshot: Snapshot) -> list[Action]:
-    """Upload complete results; what the status says of it is written after the Job was made."""
+    """Upload complete results; the status records the upload after the Job was created."""
     due = snapshot.results if snapshot.status.shared != snapshot.results else ""
     if not due or snapshot.accepted.spec.share is None:
         return []
@@ -278,7 +278,7 @@ def _upload(snapshot: Snapshot) -> list[Action]:
 
 
 def _pause(snapshot: Snapshot) -> float | None:
-    """Pause before a task is repeated whose termination message is lost [s]; else None."""
+    """Return pause before a task is repeated whose termination message is lost [s]; else None."""
     if snapshot.lost_proposal:
         return snapshot.search.proposing.wait(snapshot.now)
     return snapshot.finish.wait(snapshot.now) if snapshot.lost_words else None
@@ -292,7 +292,7 @@ def _cancel(snapshot: Snapshot) -> list[Action]:
 
 
 def _at_work(snapshot: Snapshot) -> list[JobState]:
-    """Jobs of shards that may still store something; a deleted Job exists as long as its pods."""
+    """Return Jobs of shards that may still store results, also deleted Jobs with pods."""
     jobs = (snapshot.job(shard) for shard in snapshot.shards)
     return [job for job in jobs if job is not None and job.open]
 
@@ -320,7 +320,7 @@ def _withdraw(snapshot: Snapshot) -> list[Action]:
 
 
 def _expiry(snapshot: Snapshot) -> datetime | None:
-    """When to delete the Jobs of a finished campaign."""
+    """Return when to delete the Jobs of a finished campaign."""
     ttl = snapshot.accepted.spec.ttl_seconds_after_finished
     ended = snapshot.status.completion_time
     if ttl is None or ended is None or not snapshot.indexed:

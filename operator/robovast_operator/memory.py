@@ -63,11 +63,11 @@ class InputsCache:
     """Deleted Configurations that had asked for runs, by uid."""
 
     def forget(self) -> None:
-        """Another replica has created a plan: forget everything, to read and check it again."""
+        """Forget everything, because another replica has created a plan."""
         self.accepted = self.revisions = self.planned = None
 
     def cancel(self) -> None:
-        """Ask for no expansion any more: the campaign is gone."""
+        """Cancel all expansions, because the campaign is deleted."""
         if self.asked is not None:
             self.asked.answer.cancel()
         for future in self.expanding.values():
@@ -97,15 +97,15 @@ class Motion:
         return True
 
     def still_for(self) -> float:
-        """For how long no Job has changed [s]."""
+        """Return for how long no Job has changed [s]."""
         return time.monotonic() - self.moved
 
     def fruitless_for(self) -> float:
-        """For how long no index has ended [s]."""
+        """Return for how long no index has ended [s]."""
         return time.monotonic() - self.progressed
 
     def expect_stall(self, seconds: float) -> None:
-        """Look for the cause of a known stall at once."""
+        """Look for the cause of an earlier stall at once."""
         self.moved -= seconds
         self.progressed -= seconds
 

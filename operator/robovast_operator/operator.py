@@ -58,7 +58,7 @@ class Operator:
             self._spawn(work(self.queue, self._look))
 
     async def can_stream_lists(self) -> bool:
-        """Whether this server lets watches begin with the existing objects."""
+        """Return whether this server lets watches begin with the existing objects."""
         space = next(iter(self._settings.namespaces), None)
         return await self.api.can_stream_lists(paths.configurations(space))
 
@@ -78,17 +78,17 @@ class Operator:
         return self.metrics.page(self.store, self.queue, leading=found.leading, blocked=blocked)
 
     def healthy(self) -> str:
-        """Why this process must be restarted; empty if it is healthy."""
+        """Return why this process must be restarted; empty if the process is healthy."""
         dead = next((task for task in self._tasks if task.done()), None)
         return f"the task {dead.get_name()} has ended" if dead else self._resync.dead_watch
 
     def ready(self) -> str:
-        """Why campaigns cannot be reconciled, by any replica; empty if they can."""
+        """Return why campaigns cannot be reconciled, by any replica; empty if they can."""
         unknown = "" if self._resync.complete.is_set() else "what is there could not be listed yet"
         return self.healthy() or self.leadership.failure or self.leadership.rival or unknown
 
     def campaign_event(self, kind: str | None, obj: Object) -> None:
-        """Store a changed Campaign, and schedule its reconcile."""
+        """Store a changed Campaign and schedule a reconcile."""
         self._heard(kind)
         if kind == "DELETED":
             self._forget_campaign(id_of(obj))
@@ -96,7 +96,7 @@ class Operator:
             self.queue.add(id_of(obj)[:2])
 
     def configuration_event(self, kind: str | None, obj: Object) -> None:
-        """Store a changed Configuration, and schedule its Campaign."""
+        """Store a changed Configuration and schedule a reconcile of its Campaign."""
         self._heard(kind)
         if kind == "DELETED":
             self._forget_configuration(id_of(obj))
@@ -105,7 +105,7 @@ class Operator:
             self.queue.add(key, 0.0 if key in self.store.campaigns else ALONE_SECONDS)
 
     def job_event(self, kind: str | None, obj: Object) -> None:
-        """Store a changed Job, and schedule its Campaign."""
+        """Store a changed Job and schedule a reconcile of its Campaign."""
         self._heard(kind)
         if kind == "DELETED":
             self._forget_job(id_of(obj))
@@ -140,7 +140,7 @@ class Operator:
         self._tasks.append(task)
 
     def _may_write(self) -> bool:
-        """Whether this replica leads, in the term in which the current reconcile began."""
+        """Return whether this replica leads, in the term in which the current reconcile began."""
         return self.leadership.leading and _TERM.get(self.leadership.term) == self.leadership.term
 
     async def _look(self, key: Key) -> None:
@@ -154,7 +154,7 @@ class Operator:
             await self._reconcile(key)
 
     def _kinds(self) -> tuple[Kind, ...]:
-        """The watched kinds, for the periodic comparison."""
+        """Return the watched kinds, for the periodic comparison."""
         return (
             Kind(
                 "Campaigns",

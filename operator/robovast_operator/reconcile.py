@@ -93,7 +93,7 @@ class Reconciler:
         self._purge = Purge(api, settings, self._diagnosis, created)
 
     def forget(self) -> None:
-        """Forget what is cached about campaigns: another replica may have changed it."""
+        """Forget cached data of campaigns, because another replica may have changed them."""
         for key in list(self._memories):
             self._forget(key)
 
@@ -124,7 +124,7 @@ class Reconciler:
                 self._memories[key].failing = None
 
     async def _tell_failure(self, key: Key, trouble: Trouble) -> None:
-        """Report why a Campaign cannot be reconciled, if it keeps failing."""
+        """Report why a Campaign cannot be reconciled, if reconciles fail repeatedly."""
         self._metrics.failed(trouble.reason)
         obj, memory = self._store.campaigns.get(key), self._memories.get(key)
         if obj is None or memory is None or "deletionTimestamp" in obj["metadata"]:
@@ -138,7 +138,7 @@ class Reconciler:
             LOGGER.warning("%s/%s: its status cannot be written: %s", *key, error)
 
     async def _let_go(self, key: Key) -> None:
-        """Hold nothing in a namespace that is being deleted: Jobs may hold its last pods."""
+        """Delete the Jobs of a namespace that is being deleted: Jobs may hold the last pods."""
         try:
             for name in list(self._store.jobs.get(key, {})):
                 await self._api.delete(f"{paths.jobs(key[0])}/{name}", after_children=False)
@@ -173,7 +173,7 @@ class Reconciler:
             await self._advance(obj, memory, jobs)
 
     def _moved(self, obj: Object) -> bool:
-        """Whether the status of a Campaign shows another S3 server than the installation's."""
+        """Return whether a Campaign's status shows another S3 server than the current one."""
         storage = mapping(mapping(obj.get("spec")).get("storage"))
         current = storage.get("endpoint") or self._settings.endpoint
         return mapping(obj.get("status")).get("endpoint") not in {None, current}
@@ -226,7 +226,7 @@ class Reconciler:
     async def _execute(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
     ) -> None:
-        """Bring an accepted campaign further."""
+        """Return bring an accepted campaign further."""
         known = memory.inputs
         additions = await self._inputs.additions(obj, accepted, known)
         revisions = await self._inputs.revisions(accepted, additions, known)
@@ -282,7 +282,7 @@ class Reconciler:
         status: CampaignStatus,
         additions: Additions,
     ) -> None:
-        """Keep the objects that show a campaign's entries; no run waits for one that is refused."""
+        """Create and update Configurations; runs do not wait for a rejected Configuration."""
         identity = accepted.identity
         try:
             await self._inputs.make_configurations(accepted)
@@ -299,7 +299,7 @@ class Reconciler:
     async def _composed(
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
     ) -> Accepted | Rejected | None:
-        """The campaign with the result of its compose Job; None while that runs."""
+        """Return the campaign with the result of its compose Job; None while the Job runs."""
         identity = accepted.identity
         planned = await self._inputs.planned(accepted, memory.inputs)
         if planned is not None:
@@ -331,7 +331,7 @@ class Reconciler:
     async def _composition(
         self, accepted: Accepted, job: JobState, memory: Memory
     ) -> Accepted | Rejected | None:
-        """The campaign with the result of an ended compose Job; None if its pods are gone."""
+        """Return the campaign with the result of an ended compose Job; None without pods."""
         pods = [pod async for pod in self._diagnosis.pods_of(job)]
         if not pods:
             return None
@@ -423,7 +423,7 @@ class Reconciler:
         return distinct_name(accepted.campaign, identity.uid) if alike else accepted.campaign
 
     async def _suspend(self, accepted: Accepted, name: str, suspend: bool, memory: Memory) -> None:
-        """Stop or resume a Job; if it is Kueue's, Kueue is asked to."""
+        """Stop or resume a Job; ask Kueue if Kueue manages the Job."""
         identity = accepted.identity
         jobs = self._store.jobs_of(identity.key, identity.uid)
         if name in jobs and not await self._queues.park(jobs[name], memory.queue, parked=suspend):
@@ -435,7 +435,7 @@ class Reconciler:
             self._store.put_job(JobState.of(job))
 
     async def _deleted(self, obj: Object, memory: Memory, jobs: dict[str, JobState]) -> None:
-        """A Campaign that is being deleted; only `retention: Delete` leaves anything to do."""
+        """Reconcile a Campaign that is being deleted; only `retention: Delete` has work to do."""
         if not self._purge.holds(obj):
             return
         begun = await self._inputs.begun(obj, memory.inputs)

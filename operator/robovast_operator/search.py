@@ -31,7 +31,7 @@ class Search:
 
     @cached_property
     def status(self) -> SearchStatus | None:
-        """The progress; None if the campaign is no search.
+        """Return the progress; None if the campaign is no search.
 
         A reason to stop is valid for one plan only: once there is a newer one, the search goes on.
         """
@@ -49,22 +49,22 @@ class Search:
 
     @cached_property
     def goes_on(self) -> bool:
-        """Whether the search may propose further runs."""
+        """Return whether the search may propose further runs."""
         return self.status is not None and not self.status.stop
 
     @cached_property
     def proposing(self) -> Tries:
-        """The Jobs that propose the next runs; each plan needs further ones."""
+        """Return the Jobs that propose the next runs; each plan needs further ones."""
         return self._proposing(self.revisions[-1].number + 1)
 
     @cached_property
     def said(self) -> Proposed | None:
-        """What these have proposed, if that is known."""
+        """Return the message of the current propose Jobs; None without a message."""
         return self._said(self.proposing)
 
     @cached_property
     def growth(self) -> Revision | str | None:
-        """The plan with the proposed runs, or why there is none."""
+        """Return the plan with the proposed runs, or the error message."""
         if self.said is None or self.said.stop:
             return None
         name = self.revisions[-1].next_name(self.accepted.identity)
@@ -75,7 +75,7 @@ class Search:
 
     @cached_property
     def past_jobs(self) -> list[JobState]:
-        """Propose Jobs that nothing depends on any more."""
+        """Return propose Jobs that are no longer needed."""
         last = self.proposing.last
         return [job for job in self.jobs.values() if job.role == "propose" and job is not last]
 

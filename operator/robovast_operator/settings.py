@@ -70,7 +70,7 @@ class Settings:
 
 
 def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
-    """Settings from ROBOVAST_* variables.
+    """Return settings from ROBOVAST_* variables.
 
     Raises:
         InputError: one that must be there is missing, or a number or limit is none.

@@ -54,7 +54,7 @@ class Snapshot:
 
     @cached_property
     def shards(self) -> Sequence[ShardPlan]:
-        """The shards that are not settled: first attempts, then those that repeat bad runs."""
+        """Return the shards that are not settled: first attempts, then repetitions."""
         identity, status, settled = self.accepted.identity, self.status, self.status.settled
         shards = first_attempts(identity, self.revisions)[settled.first :]
         if status.bad is not None and status.attempt > status.bad.attempt:
@@ -65,16 +65,16 @@ class Snapshot:
 
     @cached_property
     def records(self) -> Mapping[str, Shard]:
-        """What the status says of shards, by Job."""
+        """Return the records of shards in the status, by Job."""
         return {record.job: record for record in self.status.shards}
 
     @cached_property
     def tallies(self) -> Mapping[str, Tally]:
-        """What is known about the shards' runs, by Job."""
+        """Return the verdicts of the shards' runs, by Job."""
         return {shard.job: self._tally(shard) for shard in self.shards}
 
     def _tally(self, shard: ShardPlan) -> Tally:
-        """What is known about a shard's runs: from the status once it has ended, else the Job's."""
+        """Return the verdicts of a shard's runs: from the status after its end, else its Job."""
         record, job = self.records.get(shard.job), self.job(shard)
         if record is not None and record.state in {"Complete", "Failed"}:
             known = (record.passed, record.failed, record.errored)
@@ -85,7 +85,7 @@ class Snapshot:
 
     @cached_property
     def aborted(self) -> Trouble | None:
-        """Why the campaign is aborted; None if it is not."""
+        """Return why the campaign is aborted; None if the campaign is not aborted."""
         for condition in self.status.conditions:
             if condition.type == "Succeeded" and condition.status == "False":
                 return Trouble(condition.reason, condition.message, final=True)
@@ -108,12 +108,12 @@ class Snapshot:
 
     @cached_property
     def given_up(self) -> Trouble | None:
-        """The same, unless bad runs are executed once more."""
+        """Return why the campaign is aborted, unless unsuccessful runs are repeated."""
         return None if self.repeats else self.aborted
 
     @cached_property
     def trouble(self) -> Trouble | None:
-        """The trouble that keeps the campaign from going on now."""
+        """Return the trouble that keeps the campaign from going on now."""
         if self.pods.trouble is not None or self.foreign is not None:
             return self.pods.trouble or self.foreign
         if self.repetition_due and self.all_known and not self.repeats:
@@ -128,12 +128,12 @@ class Snapshot:
 
     @cached_property
     def plan(self) -> PlanSpec:
-        """The newest plan."""
+        """Return the newest plan."""
         return self.revisions[-1].plan
 
     @cached_property
     def search(self) -> Search:
-        """The campaign's search, if it is one."""
+        """Return the campaign's search; most of it is empty without a search."""
         return Search(
             self.accepted,
             self.revisions,
@@ -145,13 +145,13 @@ class Snapshot:
 
     @cached_property
     def rounds(self) -> Rounds:
-        """The rounds in which runs are put into packs, where packs are measured."""
+        """Return the rounds in which runs are put into packs, where packs are measured."""
         newest, identity = self.revisions[-1], self.accepted.identity
         return Rounds(identity, newest, self.open, self.accepted.spec.parallelism, self.pods.pace)
 
     @cached_property
     def past_plans(self) -> list[str]:
-        """Plans of a search that nothing reads any more: each plan has all that is in older ones.
+        """Return plans of a search that are no longer read, because later plans include them.
 
         The first one stays, and so do the last few: a replica that was stopped for a while may make
         its next one no more if another has.
@@ -164,16 +164,16 @@ class Snapshot:
         return [r.config_map for r in self.revisions[1:-WINDOW] if r.config_map not in wanted]
 
     def _is_past(self, shard: ShardPlan) -> bool:
-        """Whether no pod of a shard will begin."""
+        """Return whether no pod of a shard will begin."""
         job = self.job(shard)
         return self.ended(shard) and (job is None or not job.open)
 
     def job(self, shard: ShardPlan) -> JobState | None:
-        """The Job of a shard, if it exists."""
+        """Return the Job of a shard; None without a Job."""
         return self.tries(shard).last
 
     def tries(self, shard: ShardPlan) -> Tries:
-        """The Jobs of a shard: a former one exists until its successor does."""
+        """Return the Jobs of a shard; an earlier Job exists until its successor exists."""
         return self._tries.get(shard.job, Tries(shard.job, ()))
 
     @cached_property
@@ -188,21 +188,21 @@ class Snapshot:
 
     @cached_property
     def replaced(self) -> list[JobState]:
-        """Jobs of shards whose place others have taken."""
+        """Return Jobs of shards whose place others have taken."""
         return [job for tries in self._tries.values() for job in tries.old]
 
     def runs_of(self, shard: ShardPlan) -> ShardRuns:
-        """The runs of a shard."""
+        """Return the runs of a shard."""
         bad = self.status.bad
         sizes = GroupSizes.parse(bad.sizes if bad is not None else "")
         return ShardRuns(self.plan, shard, sizes)
 
     def is_withdrawn(self, shard: ShardPlan) -> bool:
-        """Whether the Configuration that asked for a shard is gone, and its Job with it."""
+        """Return whether the Configuration that requested a shard is deleted, and so its Job."""
         return shard.owner is not None and shard.owner["uid"] in self.withdrawn
 
     def ended(self, shard: ShardPlan) -> bool:
-        """Whether a shard has ended."""
+        """Return whether a shard has ended."""
         record, job = self.records.get(shard.job), self.job(shard)
         if self.is_withdrawn(shard):
             return True
@@ -211,7 +211,7 @@ class Snapshot:
         return job is not None and not job.open
 
     def is_remembered(self, shard: ShardPlan) -> bool:
-        """Whether the status says how a shard ended, and how each of its runs did."""
+        """Return whether the status has the end of a shard and the verdicts of all its runs."""
         record = self.records.get(shard.job)
         if record is None or record.state not in {"Complete", "Failed"}:
             return False
@@ -219,13 +219,13 @@ class Snapshot:
 
     @cached_property
     def open(self) -> list[JobState]:
-        """Running Jobs of shards, oldest first."""
+        """Return running Jobs of shards, oldest first."""
         jobs = ((shard, self.job(shard)) for shard in self.shards)
         return [job for shard, job in jobs if job is not None and not self.ended(shard)]
 
     @cached_property
     def not_begun(self) -> list[ShardPlan]:
-        """Shards that have no Job yet and may have one: as many as the status can tell of."""
+        """Return shards that may get a Job now, limited by the size of the status."""
         begun = next((n for n, shard in enumerate(self.shards) if not self.ended(shard)), 0)
         near = self.shards[: begun + SHARDS_LIMIT]
         due = [s for s in near if s.after <= self.status.settled.first + begun]
@@ -234,12 +234,12 @@ class Snapshot:
 
     @cached_property
     def held(self) -> Waiting | None:
-        """Why the campaign waits for quota, unless a part of it has some."""
+        """Return why the whole campaign waits for quota; None if a part of it has quota."""
         return self.queue.waiting if all(job.suspended for job in self.open) else None
 
     @cached_property
     def all_ended(self) -> bool:
-        """Whether every shard has ended, and no Job that repeats runs is left."""
+        """Return whether every shard has ended, and no Job that repeats runs is left."""
         known = {job.name for tries in self._tries.values() for job in tries.jobs}
         jobs = self.jobs.values()
         strays = (job for job in jobs if job.role == "shard" and job.name not in known)
@@ -247,48 +247,48 @@ class Snapshot:
 
     @cached_property
     def all_done(self) -> bool:
-        """Whether every shard has ended, and there will be no more."""
+        """Return whether every shard has ended and no further shard will follow."""
         return self.all_ended and not self.search.goes_on and not self.rounds.unpacked
 
     @cached_property
     def packing(self) -> Revision | None:
-        """The plan with further packs, when pods would have nothing to do without; else None."""
+        """Return the plan with further packs if pods would be idle without packs; else None."""
         if self.aborted is not None:
             return self.rounds.last
         return None if self.not_begun else self.rounds.next
 
     @cached_property
     def quiet(self) -> bool:
-        """Whether nothing is left to execute, except bad runs that are repeated."""
+        """Return whether no runs are left, apart from unsuccessful runs to repeat."""
         return self.aborted is not None or self.all_done
 
     @cached_property
     def awaited(self) -> Sequence[ShardPlan]:
-        """The shards that end before a search goes on, without those that are settled."""
+        """Return the unsettled shards that must end before the search proposes more runs."""
         runs = sum(block.size for block in self.plan.awaited_blocks)
         packs = self.plan.pack_of(runs - 1) + 1 if runs else 0
         return [shard for shard in self.shards if not shard.repeat and shard.first_pack < packs]
 
     @cached_property
     def due_to_propose(self) -> bool:
-        """Whether a search goes on: what it waits for has ended, others may be executed."""
+        """Return whether the search may propose now, because the awaited runs have finished."""
         waits = self.search.goes_on and not self.quiet
         return waits and all(self.ended(shard) for shard in self.awaited)
 
     @cached_property
     def idle(self) -> bool:
-        """Whether nothing is executed before a search has proposed it."""
+        """Return whether no run is in progress until the search proposes the next runs."""
         return self.due_to_propose and self.all_ended
 
     @cached_property
     def lost_proposal(self) -> bool:
-        """Whether a propose Job succeeded, but its termination message is lost."""
+        """Return whether a propose Job succeeded, but its termination message is lost."""
         search = self.search
         return search.proposing.ended_well and self.due_to_propose and search.said is None
 
     @cached_property
     def attempt(self) -> int:
-        """The current attempt. Without bad runs to repeat, each is done at once."""
+        """Return the current attempt. Attempts without unsuccessful runs complete at once."""
         spec, status = self.accepted.spec, self.status
         return (
             status.attempt
@@ -298,59 +298,59 @@ class Snapshot:
 
     @cached_property
     def repetition_due(self) -> bool:
-        """Whether bad runs are to be repeated."""
+        """Return whether unsuccessful runs are to be repeated."""
         none_bad = self.all_known and self.bad is not None and not self.bad.runs
         return self.accepted.spec.attempt > self.status.attempt and not none_bad
 
     @cached_property
     def repeats(self) -> bool:
-        """Whether bad runs can be repeated now: it is known which they are."""
+        """Return whether unsuccessful runs can be repeated now, because the list exists."""
         listed = self.all_known and self.bad is not None and bool(self.bad.list)
         return self.repetition_due and listed
 
     @cached_property
     def over(self) -> bool:
-        """Whether nothing is left to execute."""
+        """Return whether no runs are left."""
         return self.quiet and not self.repetition_due
 
     @cached_property
     def ended_shards(self) -> int:
-        """How many shards have ended."""
+        """Return how many shards have ended."""
         return self.status.settled.shards + sum(self.ended(s) for s in self.shards)
 
     @cached_property
     def finish(self) -> Tries:
-        """The Jobs that make the index; another set of shards needs another one."""
+        """Return the Jobs that create the index; each set of shards has its own Jobs."""
         task = self.accepted.identity.child(f"finish-{self.ended_shards}")
         return Tries.of(self.jobs.values(), task)
 
     @cached_property
     def indexed(self) -> bool:
-        """Whether the index in the bucket covers everything that ran."""
+        """Return whether the index in the bucket covers everything that ran."""
         status = self.status
         known = status.finished_shards == self.ended_shards and is_true(status, "ResultsAvailable")
         return self.over and (known or (self.final is not None and self.processed))
 
     @cached_property
     def results(self) -> str:
-        """Which results are complete: different after each attempt and extension; else empty."""
+        """Return the version of complete results, by attempt and shards; else empty."""
         return f"{self.attempt}-{self.ended_shards}" if self.indexed else ""
 
     @cached_property
     def process_name(self) -> str:
-        """The Job that processes the results; another set of shards needs another one."""
+        """Return the name of the Job that processes the results of the current set of shards."""
         return self.accepted.identity.child(f"process-{self.ended_shards}")
 
     @cached_property
     def processed(self) -> bool:
-        """Whether the results were processed, with success or not, if the document asks for it."""
+        """Return whether the results were processed, with or without success, if requested."""
         job = self.jobs.get(self.process_name)
         asked = self.accepted.spec.process_results
         return not asked or (job is not None and not job.open)
 
     @cached_property
     def final(self) -> Final | None:
-        """What the finish Job of these shards found, if it has ended."""
+        """Return the result of the finish Job of these shards; None before its end."""
         if not self.quiet:
             return None
         task = self.finish.task
@@ -359,13 +359,13 @@ class Snapshot:
 
     @cached_property
     def lost_words(self) -> bool:
-        """Whether the finish Job succeeded, but its termination message is lost."""
+        """Return whether the finish Job succeeded, but its termination message is lost."""
         ended = self.finish.ended_well
         return ended and self.over and not self.indexed and self.final is None
 
     @cached_property
     def bad(self) -> BadRuns | None:
-        """The bad runs in the last index of the bucket."""
+        """Return the unsuccessful runs in the last index of the bucket."""
         status, final = self.status, self.final
         if final is None:
             return status.bad
@@ -381,19 +381,19 @@ class Snapshot:
 
     @cached_property
     def decisions(self) -> str:
-        """The decisions about configurations in the last index of the bucket."""
+        """Return the decisions about configurations in the last index of the bucket."""
         return self.status.decisions if self.final is None else self.final.decisions
 
     @cached_property
     def all_known(self) -> bool:
-        """Whether that index covers everything that ran."""
+        """Return whether that index covers everything that ran."""
         bad = self.bad
         covered = (self.ended_shards, self.plan.total)
         return self.quiet and bad is not None and (bad.shards, bad.total) == covered
 
     @cached_property
     def settled(self) -> Settled:
-        """The shards of which the status keeps only numbers from now on: those in the index."""
+        """Return the totals of the shards in the index, which the status no longer lists."""
         settled, final = self.status.settled, self.final
         if final is not None:
             settled = Settled(
@@ -410,7 +410,7 @@ class Snapshot:
 
     @cached_property
     def tally(self) -> Tally:
-        """What is known about all runs now."""
+        """Return the current verdicts of all runs."""
         settled = self.status.settled
         before = Tally(
             settled.passed, settled.failed, settled.errored, not_needed=settled.not_needed
@@ -419,7 +419,7 @@ class Snapshot:
 
     @cached_property
     def undecided(self) -> int:
-        """How many runs have ended with an unknown verdict."""
+        """Return how many runs have ended with an unknown verdict."""
         return sum(self._undecided(shard) for shard in self.shards)
 
     def _undecided(self, shard: ShardPlan) -> int:

@@ -77,7 +77,7 @@ class Diagnosis:
     async def findings(
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
     ) -> PodFindings:
-        """What the campaign's pods report; they are read only when that is due."""
+        """Return what the campaign's pods report; they are read only when that is due."""
         moved = known.motion.notice(jobs)
         all_speak = accepted.as_needed
         waits = [await self._reports(known, job, all_speak) for job in jobs.values()]
@@ -108,12 +108,12 @@ class Diagnosis:
         )
 
     def pods_of(self, job: JobState, **parameters: str) -> AsyncIterator[Object]:
-        """The pods of a Job."""
+        """Return the pods of a Job."""
         selector = f"batch.kubernetes.io/controller-uid={job.uid}"
         return self._api.list(paths.pods(job.namespace), labelSelector=selector, **parameters)
 
     async def storing(self, identity: Identity, beside: Collection[str] = ()) -> str:
-        """The name of a pod that may still store runs, even if its Job is gone; else empty.
+        """Return the name of a pod that may still store runs, also of a deleted Job; else empty.
 
         Args:
             identity: of the Campaign.
@@ -134,7 +134,7 @@ class Diagnosis:
     async def hold_back(
         self, identity: Identity, known: PodsCache, beside: Collection[str] = ()
     ) -> bool:
-        """Whether a task must wait for a pod of a Job that has ended; a long wait is reported."""
+        """Return whether a task must wait for a pod of a finished Job; report a long wait."""
         pod = await self.storing(identity, beside)
         if pod and known.motion.still_for() > STORING_PATIENCE:
             logs = f"kubectl logs -n {identity.namespace} {pod} -c agent"
@@ -146,7 +146,7 @@ class Diagnosis:
         return bool(pod)
 
     async def _reports(self, known: PodsCache, job: JobState, all_speak: bool) -> float | None:
-        """The verdicts of failed indexes.
+        """Return the verdicts of failed indexes.
 
         Args:
             known: what was read before.
@@ -170,7 +170,7 @@ class Diagnosis:
         return None
 
     async def _measure(self, known: PodsCache, job: JobState) -> None:
-        """What the pods of a Job took, each time that twice as many have ended."""
+        """Return what the pods of a Job took, each time that twice as many have ended."""
         ended = job.size - job.left
         before, _ = known.samples.get(job.name, (0, []))
         if job.role != "shard" or ended < max(1, 2 * before) or before >= MEASURED:
@@ -181,7 +181,7 @@ class Diagnosis:
         known.samples[job.name] = (ended, found[: 2 * MEASURED])
 
     async def _final(self, known: PodsCache, job: JobState) -> None:
-        """Termination messages of ended Jobs: what they found, or why they failed."""
+        """Return termination messages of ended Jobs: what they found, or why they failed."""
         if job.role == "finish" and job.finished == "Complete" and job.name not in known.finals:
             final = final_of([pod async for pod in self.pods_of(job)])
             if final is not None:
@@ -209,7 +209,7 @@ class Diagnosis:
     async def _stalled(
         self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
     ) -> float | None:
-        """Why the campaign makes no progress."""
+        """Find out why the campaign makes no progress; return when to look again [s]."""
         waiting = [job for job in jobs.values() if job.open and not job.suspended]
         if not waiting or accepted.spec.suspend or (known.trouble and known.trouble.final):
             return None
@@ -239,7 +239,7 @@ class Diagnosis:
     async def _look_at_pods(
         self, known: PodsCache, job: JobState, *, at_work: bool
     ) -> Trouble | None:
-        """Why the pods of a Job make no progress, from their status and from Events."""
+        """Find in pods and Events why a Job makes no progress."""
         if job.elsewhere:
             if await self._queues.is_let_in_here(job):
                 known.stuck.add(job.name)
@@ -289,14 +289,14 @@ class Diagnosis:
 
 
 def _reports(known: PodsCache, jobs: Mapping[str, JobState]) -> dict[str, Mapping[int, Report]]:
-    """The reports of a campaign's pods; those that were read after their Job noticed count more."""
+    """Return the reports of a campaign's pods; reports that were read later take precedence."""
     stored = {n: known.judged[j.uid].reports for n, j in jobs.items() if j.uid in known.judged}
     read = {name: reports for name, (_, reports) in known.reports.items()}
     return {name: {**stored.get(name, {}), **read.get(name, {})} for name in {*stored, *read}}
 
 
 def _has_success(known: PodsCache, jobs: Mapping[str, JobState]) -> bool:
-    """Whether more indexes are complete, or more reports have verdicts, than at the last call."""
+    """Return whether more indexes are complete, or more verdicts exist, than at the last call."""
     before, reports = known.successes, _reports(known, jobs)
     known.successes = {
         job.uid: count(ranges(job.completed, job.size))
@@ -317,5 +317,5 @@ async def _first(objects: AsyncIterator[Object]) -> AsyncIterator[Object]:
 
 
 def _job_of(pod: Object) -> str:
-    """The name of a pod's Job."""
+    """Return the name of a pod's Job."""
     return text(mapping(metadata(pod).get("labels")).get("batch.kubernetes.io/job-name"))

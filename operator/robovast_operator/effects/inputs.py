@@ -80,7 +80,7 @@ class Inputs:
         self._needs = Needs(api)
 
     async def accepted(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
-        """Check the Campaign as far as possible here, once for each change of its spec.
+        """Check the Campaign in this process as far as possible, once for each change of the spec.
 
         Raises:
             NotYetError: another process checks it; the Campaign is scheduled when that has ended.
@@ -103,7 +103,7 @@ class Inputs:
         return known.accepted
 
     async def _checked(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
-        """What another process finds about the Campaign and its files.
+        """Return the result of another process that checks the Campaign and its files.
 
         Raises:
             NotYetError: it has not ended.
@@ -130,13 +130,13 @@ class Inputs:
             raise
 
     async def _missing(self, accepted: Accepted, known: InputsCache) -> Rejected | None:
-        """The rejection if something that the document needs is missing; None once planned."""
+        """Return the rejection if the document needs a missing object; None if runs are planned."""
         if await self._load_revisions(accepted.identity, known):
             return None
         return await self._needs.missing(accepted)
 
     async def begun(self, obj: Object, known: InputsCache) -> Begun | Rejected:
-        """A Campaign and where its results are, whatever has gone of that which it was made from.
+        """Return a Campaign and the plan of its results, also if its inputs are deleted.
 
         Without a plan its status names the bucket. Others may have written that, so the bucket
         must have this Campaign as its owner.
@@ -155,7 +155,7 @@ class Inputs:
     async def as_planned(
         self, obj: Object, known: InputsCache
     ) -> tuple[Accepted, Sequence[Revision]] | None:
-        """A Campaign with the document that was planned; None if no run was planned.
+        """Return A Campaign with the document that was planned; None if no run was planned.
 
         Its runs continue, whatever its spec says since then.
         """
@@ -167,7 +167,7 @@ class Inputs:
         return None if isinstance(found, Rejected) else (found, revisions)
 
     async def _source(self, obj: Object) -> Object | Rejected | None:
-        """The ConfigMap with the input files: our copy, or the original if not copied yet."""
+        """Return the ConfigMap with the input files: the copy, or the original without a copy."""
         try:
             source = CampaignSpec.model_validate(obj["spec"]).source.config_map
         except ValueError:
@@ -204,7 +204,7 @@ class Inputs:
             raise
 
     async def planned(self, accepted: Accepted, known: InputsCache) -> Accepted | None:
-        """The campaign with the result of its compose Job; None if there is none yet."""
+        """Return the campaign with the result of the compose Job; None without a result."""
         revisions = await self._load_revisions(accepted.identity, known)
         if not revisions:
             return None
@@ -214,7 +214,7 @@ class Inputs:
 
     @staticmethod
     def is_as_planned(obj: Object, accepted: Accepted, first: Revision, known: InputsCache) -> bool:
-        """Whether the document is still the planned one; it is parsed once for each change."""
+        """Return whether the document is the planned one; parse each change once."""
         generation = obj["metadata"]["generation"]
         if known.generation_as_planned != generation:
             if not same_document(first.document, accepted.spec.vast):
@@ -266,7 +266,7 @@ class Inputs:
             self._store.put_configuration(made)
 
     async def additions(self, obj: Object, accepted: Accepted, known: InputsCache) -> Additions:
-        """What the Configurations applied by hand add; computed once for each change."""
+        """Return what the Configurations applied by hand add; computed once for each change."""
         identity = accepted.identity
         added = [
             item
@@ -296,7 +296,7 @@ class Inputs:
     def _expand(
         self, obj: Object, items: Mapping[str, Object], files: Files | None, known: InputsCache
     ) -> None:
-        """Have Configurations expanded; the Campaign is scheduled whenever one is."""
+        """Expand Configurations in other processes; schedule the Campaign after each expansion."""
         key = Identity.of(obj).key
         for mark, future in list(known.expanding.items()):
             if mark not in items:
@@ -312,7 +312,7 @@ class Inputs:
     async def revisions(
         self, accepted: Accepted, additions: Additions, known: InputsCache
     ) -> Sequence[Revision]:
-        """The campaign's plans; a new one is created when more runs are asked for."""
+        """Return the campaign's plans; create a new plan if more runs are requested."""
         revisions = await self._load_revisions(accepted.identity, known)
         name = accepted.identity.child(f"plan-{revisions[-1].number + 1 if revisions else 0}")
         new = next_revision(accepted, revisions, additions.found, name)
@@ -330,7 +330,7 @@ class Inputs:
             await self._read_theirs(accepted.identity, new.number, new.config_map, known)
 
     async def remove_plan(self, identity: Identity, name: str, known: InputsCache) -> None:
-        """Delete a plan that nothing reads any more; a chart that is older grants no such right."""
+        """Delete a plan that is no longer read; an older chart does not grant this permission."""
         path = f"{paths.config_maps(identity.namespace)}/{name}"
         try:
             await self._api.delete(path, after_children=False)
@@ -360,7 +360,7 @@ class Inputs:
     async def withdrawn(
         self, accepted: Accepted, revisions: Sequence[Revision], known: InputsCache
     ) -> frozenset[str]:
-        """The deleted Configurations that had asked for runs, by uid."""
+        """Return the deleted Configurations that had asked for runs, by uid."""
         identity = accepted.identity
         there = self._store.configurations_of(identity.key)
         counted = {item["metadata"]["uid"] for item in there} | known.withdrawn
@@ -376,20 +376,20 @@ class Inputs:
         return owner["uid"] not in [item["metadata"]["uid"] async for item in found]
 
     async def _load_revisions(self, identity: Identity, known: InputsCache) -> list[Revision]:
-        """The campaign's plans, read once."""
+        """Return the campaign's plans, read once."""
         if known.revisions is None:
             plans = await self._plans(identity)
             known.revisions = read_revisions(plans, identity.child("plan-"))
         return known.revisions
 
     async def _where(self, identity: Identity, known: InputsCache) -> CampaignPlan | None:
-        """Any existing plan: all of them name the same place for the results."""
+        """Return any existing plan: all of them name the same place for the results."""
         if known.planned is None:
             known.planned = any_plan(await self._plans(identity), identity.child("plan-"))
         return known.planned
 
     async def _plans(self, identity: Identity) -> list[Object]:
-        """The campaign's ConfigMaps."""
+        """Return the campaign's ConfigMaps."""
         path = paths.config_maps(identity.namespace)
         found = self._api.list(path, labelSelector=identity.selector())
         return [obj async for obj in found]
@@ -406,7 +406,7 @@ class Inputs:
 
 
 def _too_large(obj: Object) -> Rejected | None:
-    """The rejection of an unchanged spec that took too long: it is not expanded again."""
+    """Return the rejection of an unchanged spec whose expansion exceeded its bounds before."""
     for condition in (obj.get("status") or {}).get("conditions") or ():
         found = condition["type"], condition["reason"], condition.get("observedGeneration")
         if found == ("Accepted", TOO_LARGE, obj["metadata"]["generation"]):

@@ -25,7 +25,7 @@ class JobMaker:
         self._jobs = jobs
 
     async def create(self, identity: Identity, job: Object, taken: set[str]) -> None:
-        """Make a Job, or add its name to those that others have taken."""
+        """Create a Job, or record its name as taken by a foreign Job."""
         fitting: Object | None = job
         if QUEUE_LABEL in job["metadata"]["labels"]:
             fitting = await self._for_its_cluster(identity.namespace, job)
@@ -58,7 +58,7 @@ class JobMaker:
             await self._api.delete(f"{paths.jobs(job.namespace)}/{job.name}")
 
     async def _for_its_cluster(self, namespace: str, job: Object) -> Object | None:
-        """The Job as it must be: one that is executed in another cluster brings its ConfigMaps.
+        """Return the Job with its ConfigMaps inside if another cluster runs the Job.
 
         Which that is nobody but Kueue knows: it fills `spec.managedBy` when the Job is made. None
         when there is a Job of this name, of which the server says nothing.
@@ -71,7 +71,7 @@ class JobMaker:
         return carrying(job, found)
 
     async def look_again(self, identity: Identity, taken: set[str]) -> Trouble | None:
-        """Forget the names that are free again; say what the others are in the way of."""
+        """Forget names that are free again; return the problem with names that are taken."""
         for name in sorted(taken):
             taken.discard(name)
             await self._look(identity, name, taken)
@@ -85,7 +85,7 @@ class JobMaker:
         )
 
     async def _look(self, identity: Identity, name: str, taken: set[str]) -> None:
-        """Know a Job that is there already, or add its name to those that others have taken."""
+        """Store an existing Job of the campaign, or record its name as taken by a foreign Job."""
         where = paths.jobs(identity.namespace)
         async for found in self._api.list(where, fieldSelector=f"metadata.name={name}"):
             job = JobState.of(found)

@@ -44,7 +44,7 @@ class Jobs:
             raise
 
     def _removable(self, namespace: str) -> Iterator[JobState]:
-        """The completed Jobs of a namespace whose results the status of their Campaign keeps."""
+        """Generate the completed Jobs of a namespace whose results are in the status."""
         for key, jobs in self._store.jobs.items():
             obj = self._store.campaigns.get(key)
             if key[0] != namespace or obj is None:

@@ -21,7 +21,7 @@ class NamespaceLimitsReader:
         self._known: dict[str, tuple[float, NamespaceLimits]] = {}
 
     async def read(self, namespace: str) -> NamespaceLimits:
-        """Read the limits of a namespace; those that may not be read count as absent.
+        """Read the limits of a namespace; limits without read permission count as absent.
 
         Raises:
             ApiError: the API server does not answer.

@@ -30,7 +30,7 @@ class Needs:
         self._api = api
 
     async def missing(self, accepted: Accepted) -> Rejected | None:
-        """The rejection of a campaign that lacks something; None if all of it is there."""
+        """Return the rejection of a campaign whose needs are not met; None if all needs are met."""
         if asks_in_vain(accepted.vast.execution):
             message = (
                 f"The .vast file sets execution.kubernetes.gpu_resource, but {NO_GPU}. {REMEDY}"
@@ -50,7 +50,7 @@ class Needs:
         return refused
 
     async def _claim(self, namespace: str, name: str) -> Rejected | None:
-        """Look for a claim, and for the mark of its owner that campaigns may read it."""
+        """Look for a PersistentVolumeClaim, and for the label that lets campaigns read."""
         claim = await self._find(f"{paths.volume_claims(namespace)}/{name}")
         if claim is None:
             return Rejected(
@@ -98,7 +98,7 @@ class Needs:
             raise
 
     async def _images(self, identity: Identity, assets: list[Assets]) -> Rejected | None:
-        """Let the server look at a Job with such volumes: one that does not know them drops them.
+        """Create a Job with image volumes as a dry run: a server without such volumes drops them.
 
         What else it says against that Job is told of real ones.
         """
@@ -121,7 +121,7 @@ class Needs:
 
 
 def _trial(identity: Identity, assets: list[Assets]) -> Object:
-    """A Job that is never made."""
+    """Return a Job for a dry run."""
     pod = {
         "restartPolicy": "Never",
         "containers": [{"name": "trial", "image": "trial"}],

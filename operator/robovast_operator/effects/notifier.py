@@ -29,7 +29,7 @@ class Notifier:
         self._settings = settings
 
     def next(self, obj: Object, status: CampaignStatus) -> tuple[CampaignStatus, Object | None]:
-        """The status with the mark of a due notice, and the Job that sends it."""
+        """Return the status with the mark of a due notification, and the Job that sends it."""
         if not (obj.get("spec") or {}).get("notifications"):
             return status, None
         wanted = _wanted(obj)
@@ -59,7 +59,7 @@ class _Wanted(BaseModel):
 
 
 def _wanted(obj: Object) -> _Wanted:
-    """The receivers, and where their pods may run; no receivers if the spec cannot be read."""
+    """Return notification targets and scheduling; no targets if the spec cannot be read."""
     try:
         return _Wanted.model_validate(obj.get("spec") or {})
     except ValidationError:

@@ -85,7 +85,7 @@ class OwnPods:
             known.judged[job.uid] = await self._judged(job, pods[job.uid], before)
 
     async def _judged(self, job: JobState, pods: Sequence[Object], before: Judged) -> Judged:
-        """What the pods of a Job show; those whose work is done are ended."""
+        """Return the findings of a Job's pods; stop pods whose work is done."""
         seen = Judged(job.finished, reports=before.reports)
         if job.open and not any(map(foreign_names, pods)):
             return seen
@@ -129,17 +129,17 @@ def pause_of(fruitless: float, *, foreign: bool) -> float:
 
 
 def _waits(job: JobState) -> bool:
-    """Whether pods of a Job are not ready."""
+    """Return whether pods of a Job are not ready."""
     return job.open and not (job.suspended or job.elsewhere) and job.active > job.ready
 
 
 def _is_lost(job: JobState) -> bool:
-    """Whether a task of ours has failed, perhaps by a container that is not ours."""
+    """Return whether a task of ours has failed, perhaps by a container that is not ours."""
     return job.finished == "Failed" and job.role != SHARD_ROLE and not job.elsewhere
 
 
 def _corrected(job: JobState, seen: Judged) -> JobState:
-    """A Job as our own containers show it."""
+    """Return a Job with the state of our own containers."""
     if job.role == SHARD_ROLE:
         if not seen.foreign:
             return job

@@ -36,11 +36,11 @@ class Purge:
 
     @staticmethod
     def holds(obj: Object) -> bool:
-        """Whether a Campaign has the finalizer, and thus waits for its bucket to be removed."""
+        """Return whether a Campaign has the finalizer, so that the bucket is deleted first."""
         return FINALIZER in (obj["metadata"].get("finalizers") or ())
 
     async def protect(self, obj: Object) -> None:
-        """Add or remove the finalizer, as the spec says.
+        """Add or remove the finalizer according to the spec.
 
         This comes before the first pod that could make a bucket, and not earlier: a Campaign that
         was never accepted goes at once.
@@ -102,7 +102,7 @@ class Purge:
             LOGGER.warning("the bucket %s stays: its namespace is being deleted", bucket)
 
     async def _cause(self, job: JobState) -> str:
-        """Why a Job could not remove the bucket, and how to try again."""
+        """Return why a Job could not remove the bucket, and how to try again."""
         found = trouble_of([pod async for pod in self._diagnosis.pods_of(job)])
         why = found.message if found is not None else job.message
         return f"{clause(why)}. To try again, run `kubectl delete job {job.name}`."

@@ -51,7 +51,7 @@ class Queues:
     async def findings(
         self, known: QueueCache, motion: Motion, jobs: Mapping[str, JobState], *, suspended: bool
     ) -> QueueFindings:
-        """Why a campaign waits in a queue; Kueue is asked when that is due.
+        """Return why a campaign waits in a queue; Kueue is asked when that is due.
 
         Args:
             known: of the campaign.
@@ -108,7 +108,7 @@ class Queues:
         return replace(found, message=message, place=place)
 
     async def _without_class(self, job: JobState) -> Waiting | None:
-        """The finding that Kueue lacks the Job's priority class, and so makes no Workload."""
+        """Return the finding that Kueue lacks the priority class of the Job, so has no Workload."""
         if not job.priority or not await self._answer(paths.group(paths.KUEUE), QUEUE_SECONDS):
             return None
         path = paths.priority_class(await self._version(paths.KUEUE), job.priority)
@@ -127,7 +127,7 @@ class Queues:
         return place_of(list(mappings(answer.get("items"))), job, await self._running(job), now())
 
     async def _running(self, waiting: JobState) -> list[JobState]:
-        """The known Jobs that have quota of the same ClusterQueue."""
+        """Return the stored Jobs that have quota of the same ClusterQueue."""
         known = [job for jobs in self._store.jobs.values() for job in jobs.values()]
         busy = [job for job in known if job.queue and job.open and not job.suspended]
         queue = await self._cluster_queue(waiting)
@@ -140,13 +140,13 @@ class Queues:
         return text(mapping(mapping(answer).get("spec")).get("clusterQueue"))
 
     async def _version(self, group: str) -> str:
-        """The version of Kueue's API to use: the newest that both sides know."""
+        """Return the version of Kueue's API to use: the newest that both sides know."""
         answer = await self._answer(paths.group(group), QUEUE_SECONDS)
         served = {text(item.get("version")) for item in mappings(mapping(answer).get("versions"))}
         return next((version for version in VERSIONS if version in served), VERSIONS[-1])
 
     async def _answer(self, path: str, seconds: float) -> Object | None:
-        """The object at a path, possibly cached for a moment; None if it cannot be read."""
+        """Return the object at a path, possibly from the cache; None if the read fails."""
         moment = time.monotonic()
         asked, answer = self._answers.get(path, (-math.inf, None))
         if moment - asked < (seconds if answer else min(seconds, ANSWER_SECONDS)):
@@ -160,7 +160,7 @@ class Queues:
         return answer
 
     async def park(self, job: JobState, known: QueueCache, *, parked: bool) -> bool:
-        """Take a Job out of its queue, or give it back; False when Kueue does not look after it.
+        """Remove a Job from its queue, or return the Job; False if Kueue does not manage the Job.
 
         What somebody else took out stays out.
         """
@@ -179,7 +179,7 @@ class Queues:
         return True
 
     async def worker(self, job: JobState) -> tuple[str, Object | None]:
-        """The name of the cluster that executes a Job of MultiKueue, and what Kueue says of it.
+        """Return the name and the Kueue object of the worker cluster that runs a Job of MultiKueue.
 
         An operator of single namespaces may not read that, which is the cluster's.
         """
@@ -191,7 +191,7 @@ class Queues:
         return name, await self._answer(path, ANSWER_SECONDS)
 
     async def is_let_in_here(self, job: JobState) -> bool:
-        """Whether a Job was admitted for this cluster, whose pods are to be in another one.
+        """Return whether a Job of another cluster was admitted for this cluster.
 
         Nobody makes its pods then: its queue led elsewhere when it was made, and does so no more.
         """
@@ -199,7 +199,7 @@ class Queues:
         return workload is not None and not leads_elsewhere(workload)
 
     async def _workload(self, job: JobState) -> Object | None:
-        """Kueue's Workload of a Job."""
+        """Return Kueue's Workload of a Job."""
         selector = f"kueue.x-k8s.io/job-uid={job.uid}"
         path = paths.workloads(await self._version(paths.KUEUE), job.namespace)
         try:
@@ -212,7 +212,7 @@ class Queues:
 
 
 def _is_held(job: JobState, *, stalled: bool) -> bool:
-    """Whether a Job waits for quota; one without a queue may be about to be resumed."""
+    """Return whether a Job waits for quota; a Job without a queue may be resumed at any time."""
     if job.role != "shard" or not job.open or not job.suspended or job.deleting:
         return False
     return bool(job.queue) or stalled
@@ -226,7 +226,7 @@ def _pause(known: QueueCache) -> float:
 
 
 def _nothing(job: JobState, *, stalled: bool) -> Waiting | None:
-    """The finding that Kueue has made no Workload."""
+    """Return the finding that Kueue has created no Workload."""
     if not job.queue:
         return None
     if not stalled:

@@ -91,7 +91,7 @@ class Statuses:
         *,
         runs_continue: bool = False,
     ) -> None:
-        """Write the status of a Campaign that cannot be executed as it is.
+        """Write the status of a rejected Campaign.
 
         Args:
             obj: the Campaign.
@@ -129,7 +129,7 @@ class Statuses:
         await self.waiting(Identity.of(obj).key, NOT_ACCEPTED)
 
     async def failing(self, obj: Object, trouble: Trouble) -> None:
-        """Report why a Campaign cannot be reconciled; the rest of its status stays.
+        """Report why a Campaign cannot be reconciled; keep the rest of the status.
 
         An Event says the same, since the status itself may be what is refused.
         """
@@ -146,7 +146,7 @@ class Statuses:
     async def write(
         self, obj: Object, status: CampaignStatus, events: Sequence[Message] = ()
     ) -> bool:
-        """Write a status if it has changed, and create Events of that.
+        """Write a changed status, and create the Events of the change.
 
         Args:
             obj: the Campaign.
@@ -184,7 +184,7 @@ class Statuses:
         return True
 
     def _wait(self, uid: str, *, news: bool) -> float:
-        """How long a write of a Campaign's status must wait [s]."""
+        """Return how long a write of a Campaign's status must wait [s]."""
         moment = time.monotonic()
         kept = {u: times for u, times in self._written.items() if times[-1] > moment - WINDOW}
         self._written, times = kept, kept.get(uid, deque())
@@ -220,7 +220,7 @@ class Statuses:
             await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
 
     async def waiting(self, key: Key, reason: str) -> None:
-        """Tell the Configurations that were applied by hand what they wait for, once each.
+        """Report in Configurations applied by hand what the Configurations wait for, once each.
 
         Args:
             key: their Campaign, which may not exist.
@@ -259,12 +259,12 @@ class Statuses:
 
 
 def _dated(obj: Object, found: Sequence[Found], old: CampaignStatus) -> list[Condition]:
-    """Conditions with the times since when they hold."""
+    """Return conditions with the times since when they hold."""
     return dated(found, obj["metadata"]["generation"], format_time(now()), old.conditions)
 
 
 def _is_known(item: Object) -> bool:
-    """Whether a Configuration's status is about its current generation."""
+    """Return whether a Configuration's status describes the current generation."""
     seen = (item.get("status") or {}).get("observedGeneration")
     return bool(seen == item["metadata"].get("generation"))
 

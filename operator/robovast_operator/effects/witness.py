@@ -40,7 +40,7 @@ class Witness:
                 witnessed.add(job.uid)
 
     async def _keep(self, accepted: Accepted, job: JobState) -> None:
-        """Save the sightings in a ConfigMap; without it the runs' records are less complete."""
+        """Save the sightings in a ConfigMap, which makes run records complete."""
         seen = Sightings.together([sighted(pod) async for pod in self._pods(accepted, job)])
         if not seen:
             return
@@ -53,12 +53,12 @@ class Witness:
             LOGGER.warning("%s/%s: what its pods were is not kept: %s", *job.key, error)
 
     def _pods(self, accepted: Accepted, job: JobState) -> AsyncIterator[Object]:
-        """All pods of a Job; the failed ones suffice if the image is named by its digest."""
+        """Generate all pods of a Job; only failed pods if the image is named by its digest."""
         named: dict[str, Any] = {"fieldSelector": "status.phase=Failed"}
         return self._diagnosis.pods_of(job, **(named if named_digest(accepted.image) else {}))
 
     async def kept(self, accepted: Accepted) -> list[str]:
-        """Names of the ConfigMaps with sightings."""
+        """Return names of the ConfigMaps with sightings."""
         identity = accepted.identity
         selector = identity.selector(**{ROLE_LABEL: SIGHTINGS_ROLE})
         found = self._api.list(paths.config_maps(identity.namespace), labelSelector=selector)

@@ -14,7 +14,7 @@ LOGGER = logging.getLogger(__name__)
 
 
 def is_refusal(error: ApiError) -> bool:
-    """Whether the server refuses this request, but would accept others in the namespace."""
+    """Return whether the server refuses this request, but would accept others in the namespace."""
     return 400 <= error.code < 500 and not error.terminating
 
 

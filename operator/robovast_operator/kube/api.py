@@ -73,7 +73,7 @@ class Api:
         return await self._request("GET", path, tries=tries)
 
     async def list(self, path: str, **parameters: str) -> AsyncIterator[Object]:
-        """Read the objects of a collection, a page at a time; who drops one frees its memory.
+        """Read the objects of a collection page by page; each dropped object frees its memory.
 
         Args:
             path: of the collection.
@@ -93,7 +93,7 @@ class Api:
             query = {**query, "continue": token}
 
     async def can_stream_lists(self, path: str) -> bool:
-        """Whether a watch may begin with a list; Kubernetes 1.33 refuses that by default.
+        """Return whether a watch may begin with a list; Kubernetes 1.33 refuses that by default.
 
         Waits for a server that is busy or away.
 
@@ -112,7 +112,7 @@ class Api:
             await asyncio.sleep(PAUSE)
 
     async def create(self, path: str, obj: Object, *, dry_run: bool = False) -> Object | None:
-        """Create an object; return None if one of its name exists already.
+        """Create an object; return None if an object of the same name exists.
 
         Args:
             path: of the collection.
@@ -128,18 +128,18 @@ class Api:
             raise
 
     async def patch(self, path: str, patch: Object) -> Object | None:
-        """Change fields of an object; return None if it is gone."""
+        """Change fields of an object; return None if the object does not exist."""
         return await self._gone_is_none("PATCH", path, body=patch, kind=MERGE_PATCH)
 
     async def apply_status(self, path: str, obj: Object) -> Object | None:
-        """Write the whole status of an object; return None if it is gone."""
+        """Write the whole status of an object; return None if the object does not exist."""
         query = {"force": "true", **_MANAGED}
         return await self._gone_is_none(
             "PATCH", f"{path}/status", body=obj, kind=APPLY_PATCH, query=query
         )
 
     async def delete(self, path: str, *, after_children: bool = True) -> None:
-        """Delete an object and what it owns; an object that is gone already counts as deleted.
+        """Delete an object and its dependents; a missing object counts as deleted.
 
         Args:
             path: of the object.
@@ -149,7 +149,7 @@ class Api:
         await self._gone_is_none("DELETE", path, query={"propagationPolicy": how})
 
     async def update(self, path: str, obj: Object) -> Object:
-        """Replace an object, unless it has changed since it was read."""
+        """Replace an object, unless the object has changed since the read."""
         return await self._request("PUT", path, body=obj)
 
     async def _gone_is_none(self, method: str, path: str, **arguments: Any) -> Object | None:
@@ -227,12 +227,12 @@ class Api:
 
 
 def _seconds(retry_after: str) -> float:
-    """How long the server asks to wait; a date, which proxies may send, is ignored."""
+    """Return how long the server asks to wait; a date, which proxies may send, is ignored."""
     return float(retry_after) if retry_after.isdecimal() else 1.0
 
 
 def _refusal(code: int, text: str, request: str) -> ApiError:
-    """Why the server refused a request; about an unknown API group it answers in plain text."""
+    """Return why the server rejected a request; the answer may be plain text."""
     try:
         data = json.loads(text)
         return ApiError(code, data.get("reason", ""), data.get("message") or request)
@@ -253,12 +253,12 @@ _TIMEOUT = aiohttp.ClientTimeout(total=30, connect=10)
 
 
 def connect() -> ApiClient:
-    """A client of the API server, with connections of its own."""
+    """Return a client of the API server, with separate connections."""
     return ApiClient(server())
 
 
 def server() -> Configuration:
-    """How to reach the API server: as a pod by the address that kubelets give, else by kubeconfig.
+    """Return how to reach the API server: from a pod by its environment, else by kubeconfig.
 
     The address needs no DNS, which may be away; a pod's token is read again as it is renewed.
 

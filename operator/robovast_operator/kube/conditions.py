@@ -16,14 +16,14 @@ Found = tuple[str, Truth, str, str]
 
 
 def is_true(status: CampaignStatus, name: str) -> bool:
-    """Whether a condition holds."""
+    """Return whether a condition holds."""
     return any(c.type == name and c.status == "True" for c in status.conditions)
 
 
 def dated(
     found: Sequence[Found], generation: int, now: str, old: Iterable[Condition]
 ) -> list[Condition]:
-    """Conditions with the time since when their status holds."""
+    """Return conditions with the time since when their status holds."""
     before = {condition.type: condition for condition in old}
     made = []
     for name, status, reason, message in found:

@@ -40,7 +40,7 @@ class Message:
 
 
 def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Message]:
-    """The messages about what changed from one status to the next."""
+    """Generate the messages about changes from one status to the next."""
     before = {c.type: (c.status, c.reason, c.last_transition_time) for c in old}
     conditions = list(new)
     told: set[tuple[str, str]] = set()
@@ -61,7 +61,7 @@ def _default(condition: Condition) -> str:
 
 
 def event(identity: Identity, message: Message, now: str) -> Object:
-    """The Event object of a message about a Campaign."""
+    """Return the Event object of a message about a Campaign."""
     text = f"{identity.uid}{message.reason}{message.about}"
     mark = hashlib.sha256(text.encode()).hexdigest()[:12]
     return {

@@ -103,7 +103,7 @@ class Leadership:
 
     @property
     def leading(self) -> bool:
-        """Whether this replica may work now."""
+        """Return whether this replica may work now."""
         return time.monotonic() < self._until
 
     async def wait(self) -> None:
@@ -113,7 +113,7 @@ class Leadership:
             await self._acquired.wait()
 
     async def keep(self) -> None:
-        """Acquire the Lease and renew it, without end."""
+        """Acquire and renew the Lease, without end."""
         while True:
             asked, attempts = time.monotonic(), ATTEMPTS
             try:
@@ -144,7 +144,7 @@ class Leadership:
         return paths.leases(self._settings.lease_namespace)
 
     async def _leases(self) -> dict[str, Object]:
-        """The Leases of all installations by namespace."""
+        """Return the Leases of all installations by namespace."""
         by_name = {"fieldSelector": f"metadata.name={NAME}"}
         return {
             str(lease["metadata"]["namespace"]): lease
@@ -178,7 +178,7 @@ class Leadership:
         return rival is None
 
     async def _claim(self, lease: Object | None) -> bool:
-        """Write this replica into the Lease; return False if another one was faster."""
+        """Write this replica into the Lease; return False if another replica was faster."""
         mine = self._is_mine(lease)
         meta: Object = {"name": NAME, "namespace": self._settings.lease_namespace}
         known = mapping(mapping(lease).get("metadata")) or meta
@@ -199,12 +199,12 @@ class Leadership:
         return held
 
     def _claims_in_vain(self) -> bool:
-        """Whether this replica has claimed the Lease for long."""
+        """Return whether this replica has claimed the Lease for long."""
         limit = CLAIM_TERMS * self._settings.lease_seconds
         return time.monotonic() - self._claimed_at > limit
 
     async def _withdraw(self, lease: Object | None) -> None:
-        """Release the Lease if this replica holds it."""
+        """Release the Lease if this replica is the holder."""
         if lease is not None and self._is_mine(lease):
             spec = {**mapping(lease.get("spec")), "holderIdentity": None}
             await self._replace({**lease, "spec": spec})
@@ -223,7 +223,7 @@ class Leadership:
         return mapping(mapping(lease).get("spec")).get("holderIdentity") == self._settings.identity
 
     def _expired(self, lease: Object, terms: int = 1) -> bool:
-        """Whether a Lease was not renewed for some durations, measured by our own clock.
+        """Return whether a Lease was not renewed for some durations, measured by our own clock.
 
         One that was released counts as expired, unless it was renewed or released meanwhile.
         """
@@ -239,7 +239,7 @@ class Leadership:
         return released or time.monotonic() - since > terms * duration
 
     async def _find_rival(self, leases: Mapping[str, Object]) -> str | None:
-        """The namespace of another installation that works where this one is to work."""
+        """Return the namespace of another installation that manages common namespaces."""
         alive = [s for s, lease in leases.items() if not self._expired(lease, RIVAL_TERMS)]
         for space in sorted(alive):
             common = self._common(leases[space])
@@ -248,7 +248,7 @@ class Leadership:
         return None
 
     def _common(self, lease: Object) -> str | None:
-        """A namespace in which both work; empty if that may be any, None if there is none."""
+        """Return a common namespace; empty if any may be common, None without a common one."""
         given = text(mapping(lease["metadata"].get("annotations")).get(SCOPE))
         own, others = (
             set(self._settings.namespaces),
@@ -259,7 +259,7 @@ class Leadership:
         return min(own & others if own else others, default=None)
 
     async def _is_operator(self, space: str, common: str) -> bool:
-        """Whether the ServiceAccount of an installation may work in a namespace, or in all."""
+        """Return whether the ServiceAccount of an installation may manage a namespace, or all."""
         key = (space, common)
         known = self._confirmed.get(key)
         if known is None or time.monotonic() - known[1] > CONFIRMED_SECONDS:

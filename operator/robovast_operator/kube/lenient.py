@@ -16,12 +16,12 @@ LARGEST = 2**31 - 1
 
 
 def mapping(value: object) -> dict[str, Any]:
-    """Return a mapping as it is, anything else as an empty mapping."""
+    """Return a mapping unchanged, anything else as an empty mapping."""
     return value if isinstance(value, dict) else {}
 
 
 def listed(value: object) -> list[Any]:
-    """Return a list as it is, anything else as an empty list."""
+    """Return a list unchanged, anything else as an empty list."""
     return value if isinstance(value, list) else []
 
 
@@ -31,7 +31,7 @@ def mappings(value: object) -> Iterator[dict[str, Any]]:
 
 
 def text(value: object, default: str = "") -> str:
-    """Return a string as it is, anything else as the default."""
+    """Return a string unchanged, anything else as the default."""
     return value if isinstance(value, str) else default
 
 
@@ -63,7 +63,7 @@ def shaped(obj: object) -> dict[str, Any]:
 
 
 def metadata(obj: object) -> dict[str, Any]:
-    """The metadata of an object, as they are."""
+    """Return the metadata of an object, as they are."""
     return mapping(mapping(obj).get("metadata"))
 
 
@@ -89,7 +89,7 @@ BEGINNING = "1970-01-01T00:00:00Z"
 
 
 def time(value: object) -> str:
-    """Return a time as it is, anything else as the earliest time."""
+    """Return a time unchanged, anything else as the earliest time."""
     try:
         return check_time(text(value))
     except ValueError:

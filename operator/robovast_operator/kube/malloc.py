@@ -9,7 +9,7 @@ M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
 
 
 def adjust() -> None:
-    """Make large allocations go straight to the kernel, and return there when freed."""
+    """Allocate large blocks directly from the kernel, and return freed blocks to the kernel."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(M_MMAP_THRESHOLD, 65536)

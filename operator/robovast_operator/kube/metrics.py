@@ -122,7 +122,7 @@ class Metrics:
     def page(
         self, store: Store, queue: WorkQueue, *, leading: bool, blocked: bool = False
     ) -> bytes:
-        """The metrics in Prometheus' text format."""
+        """Return the metrics in Prometheus' text format."""
         self._queue.set(len(queue))
         self._failing.set(queue.failing(MANY_FAILURES))
         self._leader.set(int(leading))

@@ -34,13 +34,13 @@ class Identity:
 
     @classmethod
     def of(cls, obj: Object) -> Identity:
-        """The identity of a Campaign object."""
+        """Return the identity of a Campaign object."""
         meta = obj["metadata"]
         return cls(meta["namespace"], meta["name"], meta["uid"], meta["creationTimestamp"])
 
     @property
     def key(self) -> Key:
-        """Namespace and name."""
+        """Return namespace and name."""
         return self.namespace, self.name
 
     def child(self, suffix: str | int) -> str:
@@ -49,21 +49,21 @@ class Identity:
 
     @property
     def files(self) -> str:
-        """Name of the ConfigMap with its input files."""
+        """Return the name of the ConfigMap with the input files."""
         return self.child("files")
 
     @property
     def labels(self) -> dict[str, str]:
-        """Labels of every object created for the Campaign."""
+        """Return labels of every object created for the Campaign."""
         return {CAMPAIGN_LABEL: self.name, UID_LABEL: self.uid, MANAGED_LABEL: MANAGED_BY}
 
     def selector(self, **more: str) -> str:
-        """Label selector of the objects created for the Campaign, with optional further labels."""
+        """Return the label selector of the Campaign's objects, with optional further labels."""
         return ",".join(f"{name}={value}" for name, value in {**self.labels, **more}.items())
 
     @property
     def owner(self) -> Object:
-        """Owner reference by which an object is deleted together with the Campaign."""
+        """Return owner reference by which an object is deleted together with the Campaign."""
         return {
             "apiVersion": API_VERSION,
             "kind": "Campaign",

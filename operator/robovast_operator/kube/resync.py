@@ -57,7 +57,7 @@ class Resync:
         """The watch that missed changes twice in a row, if any."""
 
     def listed(self) -> None:
-        """Note that a watch sent a list: it cannot contain what was deleted before."""
+        """Note that a watch sent a list, which cannot contain earlier deletions."""
         self._listed.set()
 
     async def keep(self) -> None:
@@ -76,7 +76,7 @@ class Resync:
             await self._compared()
 
     async def _compared(self) -> bool:
-        """Whether the objects could be compared."""
+        """Return whether the objects could be compared."""
         try:
             await self.compare()
         except (ApiError, OSError) as error:
@@ -94,7 +94,7 @@ class Resync:
             self.dead_watch = f"the watch of {missed[0]} is dead"
 
     async def _compare(self, kind: Kind) -> bool:
-        """Compare one kind; return whether its watch has missed anything."""
+        """Compare one kind; return whether the watch of the kind has missed a change."""
         before = dict(kind.known())
         there: set[Id] = set()
         new = False
@@ -114,7 +114,7 @@ class Resync:
         return new
 
     def _learn(self, kind: Kind, obj: Object) -> bool:
-        """Load an object; return whether that worked: one bad object must not affect others."""
+        """Load an object; return whether loading worked: one bad object must not affect others."""
         try:
             kind.learn(obj)
         except Exception:

@@ -19,7 +19,7 @@ class Rotation(Generic[T]):
         """The group of the last item. Groups that get an item before the next `take` precede it."""
 
     def add(self, group: str, item: T) -> None:
-        """Add an item behind those of its group; a group without items gets the last turn."""
+        """Add an item at the end of its group; a group without items gets the last turn."""
         self._groups.setdefault(group, deque()).append(item)
 
     def take(self, may: Callable[[str], bool] = lambda _: True) -> T | None:

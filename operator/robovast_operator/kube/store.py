@@ -87,37 +87,37 @@ class JobState:
 
     @property
     def key(self) -> Key:
-        """The Campaign that it belongs to."""
+        """Return namespace and name of the Campaign of the Job."""
         return self.namespace, self.campaign
 
     @property
     def open(self) -> bool:
-        """Whether the Job has not finished."""
+        """Return whether the Job has not finished."""
         return not self.finished
 
     @property
     def begun(self) -> bool:
-        """Whether any of its pods is known to have been started."""
+        """Return whether any pod of the Job has been started."""
         return bool(self.active or self.completed or self.failed)
 
     @property
     def pods(self) -> int:
-        """Number of its pods that have not ended; nobody says so of those stopped elsewhere."""
+        """Return the number of open pods; 0 for suspended Jobs of other clusters."""
         return 0 if self.elsewhere and self.suspended else self.active
 
     @property
     def at_work(self) -> int:
-        """Number of pods whose containers have all started."""
+        """Return number of pods whose containers have all started."""
         return min(self.ready, self.pods)
 
     @property
     def left(self) -> int:
-        """Number of completion indexes that have not ended."""
+        """Return number of completion indexes that have not ended."""
         return self.size - sum(count(ranges(t, self.size)) for t in (self.completed, self.failed))
 
     @classmethod
     def of(cls, obj: Object) -> JobState:
-        """Extract the fields of a Job object, whatever anybody wrote into it."""
+        """Extract the fields of a Job object, also from an invalid object."""
         obj = shaped(obj)
         meta, spec, status = obj["metadata"], obj["spec"], obj["status"]
         labels = meta.get("labels", {})
@@ -152,7 +152,7 @@ class JobState:
 
 
 def _address(spec: Object) -> str:
-    """The S3 server that a Job's pods use."""
+    """Return the S3 server that a Job's pods use."""
     pod = mapping(mapping(spec.get("template")).get("spec"))
     variables = [v for c in mappings(pod.get("containers")) for v in mappings(c.get("env"))]
     values = {text(v.get("name")): text(v.get("value")) for v in variables}
@@ -160,7 +160,7 @@ def _address(spec: Object) -> str:
 
 
 def _end(conditions: Iterable[Object]) -> Object:
-    """The condition that ended a Job, or an empty one."""
+    """Return the condition that ended a Job, or an empty condition."""
     ends = (c for c in conditions if c["type"] in {"Complete", "Failed"} and c["status"] == "True")
     return next(ends, {})
 
@@ -177,15 +177,15 @@ class Store:
     """Configurations by namespace and name of their Campaign, then by their own name."""
 
     def put_campaign(self, obj: Object) -> bool:
-        """Store a Campaign; return False if a newer version is known."""
+        """Store a Campaign; return False if the store has a newer version."""
         return _put(self.campaigns, obj)
 
     def drop_campaign(self, id_: Id) -> Object | None:
-        """Remove a Campaign and return it; a successor of the same name stays."""
+        """Remove and return a Campaign; a successor of the same name stays."""
         return _drop(self.campaigns, id_)
 
     def put_configuration(self, obj: Object) -> bool:
-        """Store a Configuration; return False if a newer version is known."""
+        """Store a Configuration; return False if the store has a newer version."""
         namespace, name, _ = id_of(obj)
         known = self.configurations.get((namespace, name))
         if not _put(self.configurations, obj):
@@ -198,7 +198,7 @@ class Store:
         return True
 
     def drop_configuration(self, id_: Id) -> Object | None:
-        """Remove a Configuration and return it; a successor of the same name stays."""
+        """Remove and return a Configuration; a successor of the same name stays."""
         known = _drop(self.configurations, id_)
         if known is not None:
             self._drop_named(known)
@@ -212,21 +212,21 @@ class Store:
             self._named.pop(key, None)
 
     def campaign_versions(self) -> Iterator[tuple[Id, str]]:
-        """All Campaigns with their resource versions."""
+        """Return all Campaigns with their resource versions."""
         return ((id_of(obj), _version(obj)) for obj in self.campaigns.values())
 
     def configuration_versions(self) -> Iterator[tuple[Id, str]]:
-        """All Configurations with their resource versions."""
+        """Return all Configurations with their resource versions."""
         return ((id_of(obj), _version(obj)) for obj in self.configurations.values())
 
     def job_versions(self) -> Iterator[tuple[Id, str]]:
-        """All Jobs with their resource versions."""
+        """Generate all Jobs with their resource versions."""
         for jobs in self.jobs.values():
             for job in jobs.values():
                 yield (job.namespace, job.name, job.uid), job.resource_version
 
     def put_job(self, job: JobState) -> None:
-        """Store a Job; a version older than the known one is ignored."""
+        """Store a Job; ignore a version that is older than the stored version."""
         jobs = self.jobs.setdefault(job.key, {})
         known = jobs.get(job.name)
         same = known is not None and known.uid == job.uid
@@ -243,7 +243,7 @@ class Store:
         return key
 
     def _campaign_of(self, job: Id) -> Key | None:
-        """The Campaign of a Job; None if it is unknown."""
+        """Return the Campaign of a Job; None if the store lacks the Job."""
         namespace, name, uid = job
         return next(
             (
@@ -255,27 +255,27 @@ class Store:
         )
 
     def knows_campaign(self, id_: Id) -> bool:
-        """Whether a Campaign is known."""
+        """Return whether the store has a Campaign."""
         return _knows(self.campaigns, id_)
 
     def knows_configuration(self, id_: Id) -> bool:
-        """Whether a Configuration is known."""
+        """Return whether the store has a Configuration."""
         return _knows(self.configurations, id_)
 
     def knows_job(self, id_: Id) -> bool:
-        """Whether a Job is known."""
+        """Return whether the store has a Job."""
         return self._campaign_of(id_) is not None
 
     def jobs_of(self, key: Key, uid: str) -> dict[str, JobState]:
-        """The Jobs of a Campaign by name, without those of an earlier Campaign of the same name."""
+        """Return a Campaign's Jobs by name, without Jobs of an earlier namesake."""
         return {j.name: j for j in self._own_jobs(key, uid) if j.role not in _DELIVERIES}
 
     def deliveries_of(self, key: Key, uid: str) -> list[JobState]:
-        """The Jobs that send a Campaign's notices, and those that upload its results."""
+        """Return the Jobs that send a Campaign's notifications or upload its results."""
         return [job for job in self._own_jobs(key, uid) if job.role in _DELIVERIES]
 
     def _own_jobs(self, key: Key, uid: str) -> list[JobState]:
-        """The Jobs that have a Campaign's uid and a name that is given to its own.
+        """Return the Jobs that have a Campaign's uid and a name with the Campaign's prefix.
 
         Anybody may make a Job with its labels: such a one is none of it.
         """
@@ -284,7 +284,7 @@ class Store:
         return [job for job in jobs if job.campaign_uid == uid and job.name.startswith(begin)]
 
     def configurations_of(self, key: Key) -> list[Object]:
-        """The Configurations of a Campaign, oldest first."""
+        """Return the Configurations of a Campaign, oldest first."""
         return sorted(
             self._named.get(key, {}).values(),
             key=lambda o: (o["metadata"]["creationTimestamp"], o["metadata"]["name"]),
@@ -292,13 +292,13 @@ class Store:
 
 
 def id_of(obj: Object) -> Id:
-    """Namespace, name and uid, which identify an object."""
+    """Return namespace, name and uid, which identify an object."""
     meta = metadata(obj)
     return text(meta.get("namespace")), text(meta.get("name")), text(meta.get("uid"))
 
 
 def campaign_of(configuration: Object) -> Key:
-    """Namespace and name of a Configuration's Campaign, which may not exist; empty if none."""
+    """Return namespace and name of a Configuration's Campaign, which may not exist; else empty."""
     namespace, _, _ = id_of(configuration)
     return namespace, text(mapping(mapping(configuration).get("spec")).get("campaign"))
 
@@ -329,5 +329,5 @@ def _version(obj: Object) -> str:
 
 
 def _newer(one: str, other: str) -> bool:
-    """Whether a resource version is not older; they are numbers on every known server."""
+    """Return whether a resource version is not older; all supported servers use numbers."""
     return not (one.isdecimal() and other.isdecimal()) or (len(one), one) >= (len(other), other)

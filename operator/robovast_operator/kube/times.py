@@ -17,12 +17,12 @@ def parse_time(text: str) -> datetime:
 
 
 def format_time(moment: datetime) -> str:
-    """`2026-11-21T07:00:00Z`."""
+    """Return `2026-11-21T07:00:00Z`."""
     return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def hear(date: str) -> None:
-    """Set our clock by the API server's, which dates its objects; this machine's may be wrong.
+    """Set the operator's clock by the API server's clock, because the local clock may be wrong.
 
     Args:
         date: the header `Date` of its answer.
@@ -40,5 +40,5 @@ _boot: float | None = None
 
 
 def now() -> datetime:
-    """The current time by the server's clock, UTC."""
+    """Return the current time by the server's clock, UTC."""
     return datetime.fromtimestamp(time.time() if _boot is None else _boot + time.monotonic(), UTC)

@@ -66,7 +66,7 @@ class WorkQueue:
         return delay
 
     def failing(self, times: int) -> int:
-        """How many keys have failed so many times in a row."""
+        """Return how many keys have failed so many times in a row."""
         return sum(failures >= times for failures in self._failures.values())
 
     def succeeded(self, key: Key) -> None:
@@ -74,7 +74,7 @@ class WorkQueue:
         self._failures.pop(key, None)
 
     async def take(self) -> Key:
-        """The next key that is due; it is busy until `done`."""
+        """Return the next due key, which stays busy until `done`."""
         while True:
             self._collect_due()
             key = self._due.take(self._has_worker)
@@ -89,7 +89,7 @@ class WorkQueue:
                 await asyncio.wait_for(self._changed.wait(), wait)
 
     def _collect_due(self) -> None:
-        """Give the keys that fall due a place among those of their namespace."""
+        """Move due keys into the rotation of the namespaces."""
         while self._later and self._later[0][0] <= time.monotonic():
             due, key = heapq.heappop(self._later)
             if self._when.get(key) != due:
@@ -105,7 +105,7 @@ class WorkQueue:
         return self._workers[namespace] < SHARE
 
     def done(self, key: Key) -> None:
-        """Mark a key as finished by its worker."""
+        """Mark a key as finished by a worker."""
         self._busy.discard(key)
         self._workers[key[0]] -= 1
         if not self._workers[key[0]]:

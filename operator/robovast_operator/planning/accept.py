@@ -55,7 +55,7 @@ def metadata_refusal(scheduling: Scheduling, settings: Settings) -> str:
 
 
 def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
-    """Check a Campaign as far as possible without executing its user's code.
+    """Check a Campaign as far as possible without running code of the user.
 
     Args:
         obj: the Campaign.
@@ -111,13 +111,13 @@ def _invalid(problems: str) -> Rejected:
 
 
 def _digests(files: Files, document: str) -> dict[str, str]:
-    """SHA-256 of the files beside a document, which stands in the plan itself."""
+    """Return the SHA-256 of the files next to the document; the plan contains the document."""
     others = {path: content for path, content in files.items() if path != document}
     return {path: hashlib.sha256(content).hexdigest() for path, content in others.items()}
 
 
 def _document_text(spec: CampaignSpec, identity: Identity, files: Files | None) -> str:
-    """The document as its user wrote it if it is among the files, else made from the spec.
+    """Return the document as the user wrote it, if among the files; else from the spec.
 
     Only the file keeps comments and numbers: the API turns `1.0` into `1`.
     """
@@ -144,7 +144,7 @@ def _checked(
     files: Files,
     settings: Settings,
 ) -> Accepted | Rejected:
-    """Check a document whose files are available as the command line checks it."""
+    """Check a document with available files, as the command line does."""
     check_paths(files)
     for path, content in files.items():
         target = folder / path
@@ -180,7 +180,7 @@ def _expanded(document: Document, accepted: Accepted) -> Accepted | Rejected:
 
 
 def _planned(accepted: Accepted) -> Accepted | Rejected:
-    """A campaign with its expansion; rejected if it has too many runs."""
+    """Return a campaign with its expansion, or the rejection if there are too many runs."""
     total = sum(entry.variants for entry in accepted.entries) * accepted.runs
     if total <= RUNS_LIMIT:
         return accepted
@@ -258,7 +258,7 @@ DOCUMENT_CHANGED = Rejected(
 
 
 def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected | None:
-    """The rejection of a campaign whose input files differ from the planned ones."""
+    """Return the rejection of a campaign whose input files differ from the planned ones."""
     before, now = planned.inputs if planned is not None else {}, accepted.inputs
     names = [name for name in before if now.get(name) != before[name]]
     if not names:
@@ -272,7 +272,7 @@ def source_changed(planned: CampaignPlan | None, accepted: Accepted) -> Rejected
 
 
 def same_document(planned: str, vast: Mapping[str, object]) -> bool:
-    """Whether a document is the planned one, except for its number of runs and a search's end.
+    """Return whether a document is the planned one, apart from runs and the end of a search.
 
     What decides about that number is part of it.
     """
@@ -284,7 +284,7 @@ def same_document(planned: str, vast: Mapping[str, object]) -> bool:
 
 
 def _fixed(vast: Mapping[str, object]) -> dict[str, object]:
-    """What stays as it is from the first plan on."""
+    """Return the part of a document that must not change after the first plan."""
     execution, search = vast.get("execution"), vast.get("search")
     if isinstance(search, Mapping):
         kept = {key: value for key, value in search.items() if key not in {"budget", "stopping"}}
@@ -315,7 +315,7 @@ def failed_task(task: str, error: str | None, reason: str) -> Rejected:
 def with_composition(
     accepted: Accepted, composed: Composed | str | None, limit: int, reason: str
 ) -> Accepted | Rejected:
-    """A campaign with the result of its compose Job, or the rejection that the result says.
+    """Return a campaign with the result of its compose Job, or the rejection.
 
     Args:
         accepted: the campaign.

@@ -35,7 +35,7 @@ class Additions:
     """By content: the Configurations that must be expanded first."""
 
     def without_unknown(self, problem: str) -> Additions:
-        """The same, if the unknown Configurations cannot be expanded."""
+        """Return the same, if the unknown Configurations cannot be expanded."""
         problems = {item["metadata"]["name"]: problem for item in self.unknown.values()}
         return Additions(self.found, {**self.problems, **problems})
 
@@ -47,7 +47,7 @@ def with_additions(
     known: dict[str, Entry | str],
     planned: Planned,
 ) -> Additions:
-    """Compute what Configurations add to a campaign; an invalid one does not affect the others.
+    """Compute the additions of Configurations; an invalid one does not affect the others.
 
     Args:
         obj: the Campaign.
@@ -126,5 +126,5 @@ NOTHING = "The Configuration expands to no parameter values. Check spec.variatio
 
 
 def _written(obj: Object) -> list[Object]:
-    """The entries of the campaign's own document."""
+    """Return the entries of the campaign's own document."""
     return obj["spec"]["vast"].get("configuration") or [{"name": "config1"}]

@@ -95,7 +95,7 @@ class Apart:
     def submit(
         self, who: tuple[str, ...], function: Callable[P, R], *args: P.args, **kwargs: P.kwargs
     ) -> Future[R]:
-        """Call a function as soon as it is the turn of its namespace.
+        """Call a function when the turn of its namespace comes.
 
         Args:
             who: the object that the function works for; the first part is its namespace.
@@ -125,7 +125,7 @@ class Apart:
             lane.task = asyncio.create_task(self._work(lane))
 
     async def _work(self, lane: _Lane) -> None:
-        """Make the calls of a lane, until none waits."""
+        """Run the calls of a lane until no call waits."""
         try:
             while (call := lane.waiting.take()) is not None:
                 if not call.future.done():
@@ -178,7 +178,7 @@ class _Process:
         )
 
     def answer(self) -> tuple[bool, Any]:
-        """Return whether the function returned, and what it returned or raised; wait for it.
+        """Wait for the function; return whether it returned, and the result or the exception.
 
         Raises:
             TooLargeError: it took too much memory or time, or its process died.

@@ -44,22 +44,22 @@ class Accepted:
 
     @property
     def is_search(self) -> bool:
-        """Whether its runs are proposed while it is executed."""
+        """Return whether a search proposes the runs."""
         return self.vast.search is not None
 
     @property
     def runs(self) -> int:
-        """Runs of each variant."""
+        """Return the number of runs of each variant."""
         return self.spec.runs or self.vast.execution.most_runs
 
     @property
     def as_needed(self) -> bool:
-        """Whether verdicts decide how many of these runs are executed."""
+        """Return whether verdicts decide how many runs are needed."""
         return self.vast.execution.test() is not None
 
     @property
     def seed(self) -> int:
-        """Seed of the campaign.
+        """Return seed of the campaign.
 
         Without one in the document it follows from the object's uid, which is drawn once and lasts.
         """
@@ -76,7 +76,7 @@ class Accepted:
 
     @property
     def bucket(self) -> str:
-        """The bucket of the results."""
+        """Return the bucket of the results."""
         if self.planned is not None:
             return self.planned.bucket
         prefix = self.spec.storage.prefix or ""
@@ -84,7 +84,7 @@ class Accepted:
 
     @property
     def owner(self) -> Owner:
-        """The owner that the bucket names."""
+        """Return the owner that the bucket names."""
         if self.planned is not None:
             return self.planned.owner
         identity = self.identity
@@ -97,22 +97,22 @@ class Accepted:
 
     @property
     def endpoint(self) -> str:
-        """URL of the S3 server as pods reach it."""
+        """Return the URL of the S3 server for pods."""
         return self.spec.storage.endpoint or self.default_endpoint
 
     @property
     def region(self) -> str | None:
-        """Region of the S3 server."""
+        """Return region of the S3 server."""
         return self.spec.storage.region or self.default_region
 
     @property
     def address(self) -> str:
-        """The S3 server, as `JobState.address` names it."""
+        """Return the S3 server in the format of `JobState.address`."""
         return joined_address(self.endpoint, self.region)
 
     @property
     def document_name(self) -> str:
-        """File name of the document."""
+        """Return file name of the document."""
         return self.spec.document or f"{self.identity.name}.vast"
 
 
@@ -141,5 +141,5 @@ class Revision:
     """`CampaignPlan.composed`."""
 
     def next_name(self, identity: Identity) -> str:
-        """Name of the ConfigMap of the plan that comes after this one."""
+        """Return the name of the ConfigMap of the next plan."""
         return identity.child(f"plan-{self.number + 1}")

@@ -41,7 +41,7 @@ def object_name(campaign: str, entry: str) -> str:
 
 
 def own_configurations(accepted: Accepted) -> list[Object]:
-    """The Configurations of a document's entries; a search has none."""
+    """Return the Configurations of a document's entries; a search has none."""
     if accepted.is_search:
         return []
     written = accepted.spec.vast.get("configuration") or [{"name": "config1"}]
@@ -69,12 +69,12 @@ def _own(identity: Identity, entry: dict[str, Any]) -> Object:
 
 
 def is_own(obj: Object, identity: Identity) -> bool:
-    """Whether the operator made a Configuration."""
+    """Return whether the operator created a Configuration."""
     return any(owner["uid"] == identity.uid for owner in _owners(obj))
 
 
 def is_owned(obj: Object) -> bool:
-    """Whether a Configuration goes with a Campaign, even if that is gone already."""
+    """Return whether a Configuration goes with a Campaign, even if that is gone already."""
     return any(owner.get("kind") == "Campaign" for owner in _owners(obj))
 
 
@@ -83,7 +83,7 @@ def _owners(obj: Object) -> Sequence[Object]:
 
 
 def waiting_status(obj: Object, reason: str, now: str) -> ConfigurationStatus | None:
-    """The status of a Configuration that no campaign has seen; None if it says so already.
+    """Return the status of a Configuration without a campaign; None if it is already set.
 
     It has no `observedGeneration`, so its campaign answers it as soon as it can.
 
@@ -102,12 +102,12 @@ def waiting_status(obj: Object, reason: str, now: str) -> ConfigurationStatus | 
 
 
 def entry_name(obj: Object) -> str:
-    """Name of the entry that a Configuration stands for."""
+    """Return the name of the entry of a Configuration."""
     return str(obj["spec"].get("name") or obj["metadata"]["name"])
 
 
 def added_entries(added: Iterable[Object]) -> list[dict[str, Any]]:
-    """Entries of a document for Configurations that were applied by hand.
+    """Return entries of a document for Configurations that were applied by hand.
 
     Raises:
         ValidationError: (of pydantic) a spec is invalid.
@@ -131,7 +131,7 @@ def invalid_configuration(error: ValidationError) -> str:
 
 
 def spec_message(error: ValidationError) -> str:
-    """Return the problems of a spec, one a line, each with the key."""
+    """Return the problems of a spec, one per line, each with the key."""
     lines = []
     for problem in error.errors():
         where = ".".join(str(part) for part in ("spec", *problem["loc"]))
@@ -140,7 +140,7 @@ def spec_message(error: ValidationError) -> str:
 
 
 def reference(obj: Object) -> Object:
-    """Reference to a Configuration, as a plan stores it."""
+    """Return the reference to a Configuration in the format of a plan."""
     return {
         "apiVersion": API_VERSION,
         "kind": "Configuration",
@@ -171,7 +171,7 @@ class ConfigurationStatuses:
         self._errored = parse_ranges(status.errored_runs)
 
     def of(self, obj: Object) -> ConfigurationStatus:
-        """The status of a Configuration."""
+        """Return the status of a Configuration."""
         old = read_status(ConfigurationStatus, obj.get("status"))
         generation = obj["metadata"].get("generation", 0)
         problem, name = self._problems.get(obj["metadata"]["name"], ""), entry_name(obj)
@@ -189,7 +189,7 @@ class ConfigurationStatuses:
         )
 
     def _runs(self, spans: Sequence[Span]) -> Runs:
-        """The counts of some runs; undecided if the status does not list all bad runs.
+        """Count the runs of some spans; undecided if the status lists not all unsuccessful runs.
 
         Nor does it list runs that are not needed: the index in the bucket has the others.
         """
@@ -211,7 +211,7 @@ class ConfigurationStatuses:
 
 
 def _spans(entries: Sequence[Entry], blocks: Sequence[Block]) -> dict[str, list[Span]]:
-    """The run ids of each entry."""
+    """Return the run ids of each entry."""
     starts = list(accumulate((entry.variants for entry in entries), initial=0))
     found: dict[str, list[Span]] = {entry.name: [] for entry in entries}
     first_id = 0

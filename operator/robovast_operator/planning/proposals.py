@@ -26,7 +26,7 @@ _PLAN_LIMIT = 600_000
 def grown(
     accepted: Accepted, revisions: Sequence[Revision], said: Proposed, name: str, limit: int
 ) -> Revision:
-    """The plan with the runs that a propose Job asks for.
+    """Return the plan with the runs that a propose Job asks for.
 
     Args:
         accepted: the campaign.
@@ -67,7 +67,7 @@ def grown(
 def first_plan(
     accepted: Accepted, said: Proposed | str | None, name: str, limit: int, reason: str
 ) -> Revision | Rejected:
-    """The first plan of a search, or why there is none.
+    """Return the first plan of a search, or the rejection.
 
     Args:
         accepted: the campaign.
@@ -96,7 +96,7 @@ def no_plan(why: object) -> str:
 
 
 def _check_order(before: Sequence[Block], more: Sequence[Block], variants: int) -> None:
-    """Check that each run is planned once, and that the runs of a variant are numbered from 0.
+    """Check that each run is planned once, and that runs of a variant are numbered from 0.
 
     Raises:
         ValueError: they are not, or there are too many.
@@ -114,7 +114,7 @@ def _check_order(before: Sequence[Block], more: Sequence[Block], variants: int) 
 
 
 def _check_awaited(before: PlanSpec | None, more: Sequence[Block], awaited: int | None) -> None:
-    """Check that something is executed before the search is asked again.
+    """Check that the search awaits at least one new run.
 
     Raises:
         ValueError: nothing is, or what is not planned.
@@ -130,7 +130,7 @@ def _check_awaited(before: PlanSpec | None, more: Sequence[Block], awaited: int 
 
 
 def _planned(blocks: Sequence[Block], wanted: Block) -> set[int]:
-    """How many runs the variants of a block have already."""
+    """Return the numbers of planned runs of the variants of a block."""
     first, size = wanted.first_variant, wanted.variants
     changes = [0] * (size + 1)
     for block in blocks:
@@ -143,7 +143,7 @@ def _planned(blocks: Sequence[Block], wanted: Block) -> set[int]:
 
 
 def _breaks(before: str, known: int, said: Proposed) -> str:
-    """The breaks of a plan with further variants, which stand in none of the former packs.
+    """Return the breaks of a plan with further variants, none of which is in an earlier pack.
 
     Raises:
         ValueError: they are none.
@@ -153,6 +153,6 @@ def _breaks(before: str, known: int, said: Proposed) -> str:
 
 
 def search_status(said: Proposed, plan: str) -> SearchStatus:
-    """How far a search is, as the last propose Job that has read a plan says."""
+    """Return the progress of a search, as reported by the last propose Job that read a plan."""
     names = SearchStatus.model_fields.keys() - {"plan"}
     return SearchStatus(plan=plan, **{name: getattr(said, name) for name in names})

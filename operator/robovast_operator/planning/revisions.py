@@ -49,7 +49,7 @@ class Addition:
 
     @property
     def name(self) -> str:
-        """Of the entry."""
+        """Return of the entry."""
         return self.expanded.name
 
 
@@ -78,7 +78,7 @@ class Planned:
 
     @classmethod
     def of_revisions(cls, revisions: Sequence[Revision]) -> Planned:
-        """The entries of the newest plan, if there is one."""
+        """Return the entries of the newest plan; empty without a plan."""
         if not revisions:
             return cls()
         newest = revisions[-1]
@@ -96,7 +96,7 @@ class Planned:
         )
 
     def of(self, item: Object) -> Entry | str | None:
-        """How a Configuration was planned, or that it has changed since; None if not planned."""
+        """Return the planned entry of a Configuration, or the problem; None if not planned."""
         name = entry_name(item)
         if name not in self.contents or name not in self.expanded:
             return None
@@ -110,7 +110,7 @@ class Planned:
 
 
 def _entries(revision: Revision) -> list[Object]:
-    """The entries of a plan's document.
+    """Return the entries of a plan's document.
 
     Raises:
         InputError: it is none.
@@ -122,7 +122,7 @@ def _entries(revision: Revision) -> list[Object]:
 
 
 def _document(revision: Revision) -> Object:
-    """The document of a plan.
+    """Return the document of a plan.
 
     Raises:
         InputError: it is none.
@@ -137,7 +137,7 @@ def _document(revision: Revision) -> Object:
 
 
 def any_plan(config_maps: Iterable[Object], prefix: str) -> CampaignPlan | None:
-    """Any plan in a campaign's ConfigMaps, also the compose Job's; None if there is none yet.
+    """Return any plan in a campaign's ConfigMaps, also of the compose Job; else None.
 
     An unreadable plan is reported where it is needed, by `read_revisions`.
     """
@@ -151,7 +151,7 @@ def any_plan(config_maps: Iterable[Object], prefix: str) -> CampaignPlan | None:
 
 
 def read_revisions(config_maps: Iterable[Object], prefix: str) -> list[Revision]:
-    """The plans in a campaign's ConfigMaps, oldest first.
+    """Return the plans in a campaign's ConfigMaps, oldest first.
 
     Args:
         config_maps: of the campaign.
@@ -170,7 +170,7 @@ def read_revisions(config_maps: Iterable[Object], prefix: str) -> list[Revision]
 
 
 def _revision(number: int, name: str, obj: Object) -> Revision:
-    """The plan in a ConfigMap.
+    """Return the plan in a ConfigMap.
 
     Raises:
         InputError: it is none.
@@ -211,7 +211,7 @@ def next_revision(
     additions: Sequence[Addition],
     name: str,
 ) -> Revision | None:
-    """The plan to add; None if the newest one covers everything that is asked for.
+    """Return the plan to add; None if the newest plan covers all requested runs.
 
     Args:
         accepted: the campaign, with its entries.
@@ -255,7 +255,7 @@ def next_revision(
 
 
 def _with_other_end(accepted: Accepted, newest: Revision, name: str) -> Revision | None:
-    """The plan of a search whose end was changed; None if it ends as planned.
+    """Return the plan of a search with a changed end; None if the end is as planned.
 
     Its runs are those of the newest plan: Jobs that propose read it from then on.
     """
@@ -266,7 +266,7 @@ def _with_other_end(accepted: Accepted, newest: Revision, name: str) -> Revision
 
 
 def as_planned(accepted: Accepted, revision: Revision) -> Accepted:
-    """A campaign whose document is that of a plan, with all added entries."""
+    """Return A campaign whose document is that of a plan, with all added entries."""
     added = [entry.name for entry in revision.entries[len(accepted.entries) :]]
     select = accepted.spec.select and [*accepted.spec.select, *added]
     spec = accepted.spec.model_copy(update={"select": select})
@@ -275,7 +275,7 @@ def as_planned(accepted: Accepted, revision: Revision) -> Accepted:
 
 
 def _with_entries(newest: Revision, additions: Sequence[Addition]) -> str:
-    """The document of the newest plan plus the additions; planned entries keep their places.
+    """Return the document of the newest plan plus the additions; planned entries keep their places.
 
     Run ids follow from the order of all entries, even of Configurations that were deleted since.
     """
@@ -290,7 +290,7 @@ def _with_entries(newest: Revision, additions: Sequence[Addition]) -> str:
 
 
 def _raise_runs(blocks: list[Block], variants: int, runs: int) -> None:
-    """More runs of the document's own variants."""
+    """Add runs of the document's own variants."""
     planned = _planned_runs(b for b in blocks if b.first_variant == 0)
     if runs > planned:
         more = Block(first_variant=0, variants=variants, first_run=planned, runs=runs - planned)
@@ -298,12 +298,12 @@ def _raise_runs(blocks: list[Block], variants: int, runs: int) -> None:
 
 
 def _planned_runs(blocks: Iterable[Block]) -> int:
-    """Runs of each variant in the blocks of one entry."""
+    """Return the number of runs of each variant in the blocks of one entry."""
     return max((block.first_run + block.runs for block in blocks), default=0)
 
 
 def _blocks_of(name: str, revision: Revision) -> dict[int, Block]:
-    """The blocks of an entry that a Configuration has added, by their number."""
+    """Return the blocks of an entry that a Configuration has added, by their number."""
     before = takewhile(lambda entry: entry.name != name, revision.entries)
     first = sum(entry.variants for entry in before)
     return {n: b for n, b in enumerate(revision.plan.blocks) if b.first_variant == first}
@@ -312,7 +312,7 @@ def _blocks_of(name: str, revision: Revision) -> dict[int, Block]:
 def _add(
     addition: Addition, blocks: list[Block], entries: list[Entry], owners: dict[int, Object]
 ) -> None:
-    """Add the runs of a Configuration: its variants come after all others."""
+    """Add the runs of a Configuration, with variants after all other variants."""
     if all(entry.name != addition.name for entry in entries):
         entries.append(addition.expanded)
     before = takewhile(lambda entry: entry.name != addition.name, entries)
@@ -331,7 +331,7 @@ def _add(
 
 
 def owners_note(revision: Revision) -> dict[str, str]:
-    """The annotation with the owners of blocks."""
+    """Return the annotation with the owners of blocks."""
     if not revision.owners:
         return {}
     return {OWNERS_ANNOTATION: json.dumps(revision.owners)}

@@ -33,12 +33,12 @@ class Rounds:
 
     @property
     def unpacked(self) -> int:
-        """How many runs are in no pack yet."""
+        """Return how many runs are in no pack yet."""
         return self.newest.plan.total - self.newest.plan.in_packs
 
     @cached_property
     def pods_of_open(self) -> list[int]:
-        """How many pods each open Job may have.
+        """Return how many pods each open Job may have.
 
         Where packs are measured, not more than it has packs left: the others are another Job's.
         """
@@ -48,12 +48,12 @@ class Rounds:
 
     @property
     def busy(self) -> int:
-        """How many pods all of them may have."""
+        """Return how many pods all of them may have."""
         return sum(self.pods_of_open)
 
     @property
     def idle_pods(self) -> int:
-        """How many pods must be idle before others are asked for; each time that is a write.
+        """Return how many pods must be idle before others are asked for; each time that is a write.
 
         Jobs in a queue of Kueue keep the number of pods that they begin with.
         """
@@ -64,7 +64,7 @@ class Rounds:
 
     @cached_property
     def next(self) -> Revision | None:
-        """The plan with a further round, when pods would be idle without it; else None."""
+        """Return the plan with a further round if pods would be idle without a round; else None."""
         if not self.unpacked or self._idle < self.idle_pods or self._must_wait:
             return None
         name = self.newest.next_name(self.identity)
@@ -72,7 +72,7 @@ class Rounds:
 
     @cached_property
     def last(self) -> Revision | None:
-        """The plan with all other runs in packs, of a campaign that executes none of them."""
+        """Return the plan with all remaining runs in packs, for an aborted campaign."""
         if not self.unpacked:
             return None
         room = Round(runs=_room(self.newest), size=self.newest.plan.runs_per_pack)
@@ -80,13 +80,13 @@ class Rounds:
 
     @property
     def _idle(self) -> int:
-        """How many pods the packs that are left do not need."""
+        """Return how many pods the packs that are left do not need."""
         wanted = (min(job.parallelism, job.left) if job.queue else job.left for job in self.open)
         return self.parallelism - sum(wanted)
 
     @property
     def _must_wait(self) -> bool:
-        """Whether run times are not known yet, but soon will be.
+        """Return whether run times are missing, but will soon be measured.
 
         They are known from half of the first round, since short runs end first.
         """
@@ -97,7 +97,7 @@ class Rounds:
 
 
 def next_round(newest: Revision, parallelism: int, pace: Pace | None, name: str) -> Revision:
-    """The plan with further packs; some runs are in none yet.
+    """Return the plan with further packs; some runs are in none yet.
 
     Args:
         newest: the plan so far.
@@ -113,7 +113,7 @@ def next_round(newest: Revision, parallelism: int, pace: Pace | None, name: str)
 
 
 def _room(newest: Revision) -> int:
-    """How many of the next runs belong to one object: so do the Jobs of a round."""
+    """Return how many of the next runs belong to the same object, as the Jobs of a round do."""
     plan, first = newest.plan, newest.plan.in_packs
     ends = list(accumulate(block.size for block in plan.blocks))
     at = next(number for number, end in enumerate(ends) if first < end)

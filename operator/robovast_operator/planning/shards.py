@@ -54,12 +54,12 @@ class ShardPlan:
 
     @property
     def packs(self) -> str:
-        """The packs, or groups of bad runs, as a range."""
+        """Return the packs, or groups of unsuccessful runs, as a range."""
         return format_ranges([(self.first_pack, self.first_pack + self.size - 1)])
 
 
 def first_attempts(identity: Identity, revisions: Sequence[Revision]) -> list[ShardPlan]:
-    """The shards of all runs, in order; a later revision only appends."""
+    """Return the shards of all runs, in order; a later revision only appends."""
     if not revisions:
         return []
     shards: list[ShardPlan] = []
@@ -96,7 +96,7 @@ class _Part:
 
 
 def _parts(revisions: Sequence[Revision]) -> Iterator[tuple[Revision, _Part]]:
-    """What each revision appends: blocks, or rounds of what is in blocks."""
+    """Generate what each revision appends: blocks, or rounds of what is in blocks."""
     known = 0
     for revision in revisions:
         plan = revision.plan
@@ -113,7 +113,7 @@ def _parts(revisions: Sequence[Revision]) -> Iterator[tuple[Revision, _Part]]:
 
 
 def _stretches(plan: PlanSpec, runs: Span) -> Iterator[Span]:
-    """First pack and number of packs of each shard of some runs."""
+    """Generate first pack and number of packs of each shard of some runs."""
     first = plan.pack_of(runs[0])
     packs = plan.pack_of(runs[1]) - first + 1
     yield from ((first + begin, size) for begin, size in evenly(packs))
@@ -138,7 +138,7 @@ def repetitions(
     attempt: int,
     runs_per_pack: int = 1,
 ) -> list[ShardPlan]:
-    """The shards that repeat bad runs; none if no run is bad.
+    """Return the shards that repeat unsuccessful runs; an empty list without such runs.
 
     Args:
         identity: of the campaign.
@@ -169,7 +169,7 @@ def next_shards(
     *,
     alone: bool = False,
 ) -> list[ShardPlan]:
-    """The shards to open now, so that never more than `parallelism` pods run.
+    """Return the shards to open now, so that never more than `parallelism` pods run.
 
     Args:
         waiting: shards that have no Job yet, in order.

@@ -60,7 +60,7 @@ def _limited(container: Object) -> Object:
 
 
 def counts_jobs(message: str) -> bool:
-    """Whether an API server refuses a Job because a ResourceQuota limits the number of Jobs."""
+    """Return whether a ResourceQuota on the number of Jobs is why a Job is rejected."""
     found = _EXCEEDED.search(message)
     return found is not None and JOBS in _amounts(found[2])
 
@@ -126,7 +126,7 @@ def _out_of_range(pod: Object, ranges: Iterable[Object], own: frozenset[str]) ->
 
 
 def _violations(container: Object, item: Object) -> Iterator[tuple[str, str]]:
-    """Compare a container with one item of a LimitRange, after its defaults are applied."""
+    """Compare a container with one item of a LimitRange, after defaults are applied."""
     given = mapping(container.get("resources"))
     limit = mapping(item.get("default")) | mapping(given.get("limits"))
     request = mapping(item.get("defaultRequest")) | limit | mapping(given.get("requests"))

@@ -24,12 +24,12 @@ _ROOM = 4 * 1024
 
 
 def config_maps_of(job: Object) -> list[str]:
-    """Names of the ConfigMaps that a Job's pods mount."""
+    """Return names of the ConfigMaps that a Job's pods mount."""
     return list(dict.fromkeys(source["name"] for source in _sources(_volumes(job))))
 
 
 def carrying(job: Object, config_maps: Mapping[str, Object]) -> Object:
-    """The Job with its ConfigMaps' content in it.
+    """Return the Job with the content of its ConfigMaps.
 
     Args:
         job: the Job.
@@ -102,7 +102,7 @@ def _volumes(job: Object) -> list[Object]:
 
 
 def _sources(volumes: Iterable[Object]) -> Iterator[Object]:
-    """What volumes take from ConfigMaps."""
+    """Generate what volumes take from ConfigMaps."""
     for volume in volumes:
         places = [volume, *mapping(volume.get("projected")).get("sources", ())]
         yield from (place["configMap"] for place in places if "configMap" in place)

@@ -53,7 +53,7 @@ _RUN_IS_MEANT = {"kubectl.kubernetes.io/default-container": RUN}
 
 
 def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Object:
-    """The Indexed Job of a shard: a completion index for each pack."""
+    """Return the Indexed Job of a shard: a completion index for each pack."""
     request = PackRequest(shard.first_pack, attempt=shard.attempt, repeat=shard.repeat or None)
     job = _job(accepted.identity, shard.job, SHARD_ROLE, {SHARD_LABEL: str(shard.index)})
     pod = run_pod(accepted, settings, shard.plan, request, shard.runs_per_pack)
@@ -101,7 +101,7 @@ def task_job(
     plan: str,
     sightings: Sequence[str] = (),
 ) -> Object:
-    """The Job of a task on the whole campaign: compose, propose, finish, process or purge."""
+    """Return the Job of a task on the whole campaign: compose, propose, finish, process, purge."""
     job = _job(accepted.identity, name, command, {})
     job["spec"] |= {
         "backoffLimit": COMPOSE_RETRIES if command == "compose" else TASK_RETRIES,
@@ -119,7 +119,7 @@ def task_job(
 def notify_job(
     identity: Identity, settings: Settings, scheduling: Scheduling, name: str, order: Order
 ) -> Object:
-    """The Job that sends a notice: a completion index for each receiver."""
+    """Return the Job that sends a notice: a completion index for each receiver."""
     job = _job(identity, name, NOTIFY_ROLE, {})
     number = len(order.receivers)
     job["spec"] |= {
@@ -140,7 +140,7 @@ def notify_job(
 
 
 def upload_job(accepted: Accepted, settings: Settings, name: str, archive: str) -> Object:
-    """The Job that uploads a campaign's results.
+    """Return the Job that uploads a campaign's results.
 
     Args:
         accepted: the campaign; it has a share.
@@ -183,7 +183,7 @@ def _job(identity: Identity, name: str, role: str, labels: dict[str, str]) -> Ob
 
 
 def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object:
-    """The immutable ConfigMap with the plan, for the campaign's pods."""
+    """Return the immutable ConfigMap with the plan, for the campaign's pods."""
     data = {
         PLAN_FILE: plan.model_dump_json(exclude_none=True),
         DOCUMENT_FILE: accepted.document_text,
@@ -192,7 +192,7 @@ def plan_config_map(accepted: Accepted, name: str, plan: CampaignPlan) -> Object
 
 
 def _config_map(identity: Identity, name: str, content: Object, role: str = "") -> Object:
-    """An immutable ConfigMap of a campaign."""
+    """Return an immutable ConfigMap of a campaign."""
     return {
         "apiVersion": "v1",
         "kind": "ConfigMap",
@@ -212,7 +212,7 @@ SIGHTINGS_ROLE = "pods"
 
 
 def sightings_config_map(identity: Identity, job: str, seen: Sightings) -> Object:
-    """The immutable ConfigMap with the sightings of a Job's pods.
+    """Return the immutable ConfigMap with the sightings of a Job's pods.
 
     Args:
         identity: of the Campaign.
@@ -224,7 +224,7 @@ def sightings_config_map(identity: Identity, job: str, seen: Sightings) -> Objec
 
 
 def files_config_map(accepted: Accepted, source: Object | None) -> Object | None:
-    """The immutable ConfigMap with a Campaign's input files; None if it has none.
+    """Return the immutable ConfigMap with a Campaign's input files; None without files.
 
     Args:
         accepted: the campaign.
@@ -251,7 +251,7 @@ def _inline(accepted: Accepted) -> Object:
 
 
 def _copied(source: Object, accepted: Accepted) -> Object:
-    """The keys of a ConfigMap that the campaign wants."""
+    """Return the keys of a ConfigMap that the campaign wants."""
     given = accepted.spec.source.config_map
     wanted = {item.key for item in given.items} if given is not None else set()
     kinds = {kind: mapping(source.get(kind)) for kind in ("data", "binaryData")}
@@ -264,7 +264,7 @@ def _copied(source: Object, accepted: Accepted) -> Object:
 def campaign_plan(
     accepted: Accepted, plan: PlanSpec | None, entries: tuple[Entry, ...]
 ) -> CampaignPlan:
-    """The plan that pods read."""
+    """Return the plan that pods read."""
     execution, spec = accepted.vast.execution, accepted.spec
     context = spec.cluster or ""
     bundle, git = spec.source.bundle, spec.source.git

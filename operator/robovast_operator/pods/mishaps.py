@@ -16,7 +16,7 @@ from robovast_operator.pods.pod_status import memory_limit, message_of, troubles
 
 
 def mishaps_of(pods: Iterable[Object]) -> list[Mishap]:
-    """What went wrong in pods that failed, the oldest first; only some of it."""
+    """Return the first mishaps of failed pods, the oldest first."""
     found: list[Mishap] = []
     failed = (pod for pod in pods if pod["status"].get("phase") == "Failed")
     for pod in sorted(failed, key=lambda pod: str(pod["metadata"]["creationTimestamp"])):
@@ -27,7 +27,7 @@ def mishaps_of(pods: Iterable[Object]) -> list[Mishap]:
 
 
 def _mishaps(pod: Object) -> Iterator[Mishap]:
-    """Its bad runs if it says which, and what ended it by force."""
+    """Generate the unsuccessful runs of a pod, and the cause of its failure."""
     said = Verdicts.read(message_of(pod, "agent"))
     for bad in (said.bad or ()) if said is not None else ():
         yield _run(bad)

@@ -38,7 +38,7 @@ def naming_containers(job: Object) -> Object:
 
 
 def container_specs(spec: Object) -> list[Object]:
-    """The containers that a pod spec asks for, in the order in which they start."""
+    """Return the containers that a pod spec asks for, in the order in which they start."""
     return [*mappings(spec.get("initContainers")), *mappings(spec.get("containers"))]
 
 
@@ -55,7 +55,7 @@ def foreign_names(pod: Object) -> list[str]:
 
 
 def containers_of(pod: Object) -> Iterator[Object]:
-    """The statuses of a pod's containers, in their order."""
+    """Generate the statuses of a pod's containers, in their order."""
     status = pod.get("status") or {}
     yield from status.get("initContainerStatuses") or ()
     yield from status.get("containerStatuses") or ()
@@ -71,12 +71,12 @@ def main_container(pod: Object) -> str:
 
 
 def is_own(pod: Object, container: str) -> bool:
-    """Whether a container of a pod is ours: how it ends is no result of a run."""
+    """Return whether a container of a pod is ours, so that its end is not a result of a run."""
     return container in {main_container(pod), COMPAT, FETCH}
 
 
 def ending_of(pod: Object, container: str) -> Object:
-    """How a container ended; empty when it has not."""
+    """Return the terminated state of a container; empty if the container has not ended."""
     for status in containers_of(pod):
         if status["name"] == container:
             return mapping(mapping(status.get("state")).get("terminated"))
@@ -84,23 +84,23 @@ def ending_of(pod: Object, container: str) -> Object:
 
 
 def main_ending(pod: Object) -> Object:
-    """How our container ended whose end is the end of the pod's work; empty if it has not."""
+    """Return the terminated state of the main container; empty if the container has not ended."""
     return ending_of(pod, main_container(pod))
 
 
 def has_verdict(pod: Object) -> bool:
-    """Whether our container has done all of the pod's work, whatever others do."""
+    """Return whether our container has done all of the pod's work, whatever others do."""
     return number(main_ending(pod).get("exitCode"), -1) in VERDICTS
 
 
 def is_alive(pod: Object) -> bool:
-    """Whether the API server counts a pod as one that has not ended."""
+    """Return whether the API server counts a pod as open."""
     gone = "deletionTimestamp" in pod["metadata"]
     return not gone and pod["status"].get("phase") not in ("Failed", "Succeeded")
 
 
 def is_at_work(pod: Object) -> bool:
-    """Whether the agent of a pod has started its runs and not ended."""
+    """Return whether the agent of a pod has started its runs and has not ended."""
     agent: Object = next((c for c in containers_of(pod) if c["name"] == AGENT), {})
     running = bool(mapping(agent.get("state")).get("running"))
     return is_alive(pod) and running and agent.get("started") is not False
@@ -116,7 +116,7 @@ def lingers(pod: Object) -> list[str]:
 
 
 def is_to_be_ended(pod: Object, moment: datetime) -> bool:
-    """Whether foreign containers have kept a pod alive for too long."""
+    """Return whether foreign containers have kept a pod alive for too long."""
     due = mapping(pod.get("spec")).get("activeDeadlineSeconds") != 1
     ended = parse_time(time(main_ending(pod).get("finishedAt")))
     return due and bool(lingers(pod)) and ended + LEAVE <= moment

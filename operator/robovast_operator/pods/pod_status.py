@@ -56,7 +56,7 @@ TRACKING = "batch.kubernetes.io/job-tracking"
 
 
 def is_stuck(pod: Object, moment: datetime) -> bool:
-    """Whether a Job has held back the deletion of a pod for long.
+    """Return whether a Job has held back the deletion of a pod for long.
 
     The Job controller lets go of a failed index's pod when it has made the next one. In a namespace
     that is being deleted it cannot, and the namespace waits for its pods before it removes Jobs.
@@ -70,12 +70,12 @@ def is_stuck(pod: Object, moment: datetime) -> bool:
 
 
 def trouble_of(pods: Iterable[Object]) -> Trouble | None:
-    """Why pods do not start or do not end well: the cause that explains most."""
+    """Return why pods do not start or do not end well: the cause that explains most."""
     return most_telling(trouble for pod in pods for trouble in troubles_of(pod))
 
 
 def most_telling(troubles: Iterable[Trouble]) -> Trouble | None:
-    """The cause that explains the others."""
+    """Return the cause that explains the others."""
     ranked = (
         *("IncompatibleImage", "InvalidDocument", "InvalidPlan", "BucketConflict"),
         *("StorageDenied", "ImagePullFailed", "ContainerConfigError", "ForeignContainer"),
@@ -100,7 +100,7 @@ _ROOM = (
 
 
 def troubles_of(pod: Object) -> Iterator[Trouble]:
-    """The causes that hinder a pod, or ended it."""
+    """Generate the causes that hinder a pod, or have ended the pod."""
     status: Object = pod.get("status") or {}
     ended_by_us = has_verdict(pod) and foreign_names(pod)
     if status.get("phase") == "Failed" and text(status.get("reason")) and not ended_by_us:
@@ -131,7 +131,7 @@ def troubles_of(pod: Object) -> Iterator[Trouble]:
 
 
 def _foreign_troubles(pod: Object) -> Iterator[Trouble]:
-    """How containers that are not ours block a pod, or keep it alive."""
+    """Generate the problems of foreign containers that block a pod or keep a pod alive."""
     for container, how in blocking(pod):
         yield foreign_trouble(pod, container, how)
     if left := lingers(pod):
@@ -140,7 +140,7 @@ def _foreign_troubles(pod: Object) -> Iterator[Trouble]:
 
 
 def foreign_trouble(pod: Object, container: str, how: str) -> Trouble:
-    """The trouble that a container that is not ours keeps runs from starting."""
+    """Return the trouble that a container that is not ours keeps runs from starting."""
     return _of_foreign(pod, container, f". The runs cannot start because that container {how}")
 
 
@@ -163,7 +163,7 @@ _ORDINARY = frozenset(
 
 
 def _ending(pod: Object, container: Object, ended: Object) -> Trouble | None:
-    """The cause that a container's end shows; None if its end is a result."""
+    """Return the problem that the end of a container shows; None if the end is a result."""
     name, code = container["name"], ended.get("exitCode")
     error = error_in(ended.get("message") or "")
     if ended.get("reason") in NEVER_STARTED:
@@ -242,25 +242,25 @@ def _user_of_image(pod: Object, container: str) -> str:
 
 
 def _mounted_images(pod: Object) -> Iterator[str]:
-    """Images that are mounted as volumes; a container that mounts one waits for it, too."""
+    """Generate images that are mounted as volumes; containers wait for these images."""
     for volume in mappings(pod["spec"].get("volumes")):
         if reference := text(mapping(volume.get("image")).get("reference")):
             yield reference
 
 
 def message_of(pod: Object, container: str) -> str:
-    """The termination message of a container."""
+    """Return the termination message of a container."""
     return str(ending_of(pod, container).get("message", ""))
 
 
 def last_message(pods: Iterable[Object], container: str) -> str:
-    """The termination message of a container in the last pod that has one; empty if none has."""
+    """Return the termination message of a container in the latest pod with one; else empty."""
     said = {p["metadata"]["creationTimestamp"]: message_of(p, container).strip() for p in pods}
     return next((said[at] for at in sorted(said, reverse=True) if said[at]), "")
 
 
 def memory_limit(pod: Object, container: str) -> str:
-    """Name the memory limit of a container of a pod and who sets it."""
+    """Name the memory limit of a container of a pod, and the origin of the limit."""
     spec: Object = pod.get("spec") or {}
     found = next((c for c in mappings(spec.get("containers")) if c.get("name") == container), {})
     limit = mapping(mapping(found.get("resources")).get("limits")).get("memory")
@@ -277,7 +277,7 @@ def memory_limit(pod: Object, container: str) -> str:
 
 
 def sighted(pod: Object) -> Sightings:
-    """What a pod's status says about its run's image and end."""
+    """Return the image and the end of a run from the status of a pod."""
     name = text(pod["metadata"].get("name"))
     for container in containers_of(pod):
         if container["name"] == RUN:
@@ -292,12 +292,12 @@ _IMAGE = re.compile(r"([\w.:/-]{1,400}@)?sha256:[0-9a-f]{64}", re.ASCII)
 
 
 def index_of(pod: Object) -> int:
-    """The completion index of a pod; -1 if it has none."""
+    """Return the completion index of a pod; -1 without an index."""
     return number(pod["metadata"].get("annotations", {}).get(INDEX_ANNOTATION), -1)
 
 
 def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str]:
-    """Termination messages of the last pods of some completion indexes, by index, each text once.
+    """Return the last termination message of some completion indexes, by index, each text once.
 
     Args:
         pods: of one Job.

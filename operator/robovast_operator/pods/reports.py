@@ -39,7 +39,7 @@ _ALL_STORED = {
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
-    """Reports of a Job's ended pods about their runs, by completion index; the last pod counts.
+    """Return the reports of a Job's ended pods by completion index; the last pod counts.
 
     Runs that the last pod of a failed index leaves without a verdict never get one.
     """
@@ -56,7 +56,7 @@ def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
 
 
 def _report(pod: Object) -> Report | None:
-    """The verdicts in an agent's termination message; None if it says nothing certain."""
+    """Return the verdicts in an agent's termination message; None if a verdict is uncertain."""
     said = Verdicts.read(message_of(pod, "agent"))
     if said is None:
         return _ALL_STORED.get(ending_of(pod, "agent").get("exitCode", -1))
@@ -76,7 +76,7 @@ def _report(pod: Object) -> Report | None:
 
 
 def sample_of(pod: Object) -> Sample | None:
-    """How long a pod that has ended took, and its runs; None if it does not say that."""
+    """Return the times of an ended pod and of its runs; None if the message has no times."""
     said = Verdicts.read(message_of(pod, "agent"))
     began, ended = pod["status"].get("startTime"), ending_of(pod, "agent").get("finishedAt")
     if said is None or said.executed is None or said.seconds is None or not (began and ended):
@@ -86,7 +86,7 @@ def sample_of(pod: Object) -> Sample | None:
 
 
 def final_of(pods: Iterable[Object]) -> Final | None:
-    """What the finish Job's pod found in the bucket."""
+    """Return what the finish Job's pod found in the bucket."""
     said = (Summary.read(message_of(pod, "finish")) for pod in pods)
     return next((_final(summary) for summary in said if summary and _is_whole(summary)), None)
 
@@ -116,7 +116,7 @@ def _final(said: Summary) -> Final:
 
 
 def _list(repeat: Repeat | None, bad: int) -> tuple[str, str]:
-    """Name of the list of bad runs and sizes of its groups, if their sum is right."""
+    """Return the name of the list of unsuccessful runs and the group sizes, if the sum is right."""
     if repeat is None:
         return "", ""
     try:
@@ -128,17 +128,17 @@ def _list(repeat: Repeat | None, bad: int) -> tuple[str, str]:
 
 
 def composed_of(pods: Iterable[Object]) -> Composed | str | None:
-    """The result of the compose Job; its message if it failed."""
+    """Return the result of the compose Job, or the message of a failed Job."""
     return _result_of(pods, "compose", Composed)
 
 
 def proposed_of(pods: Iterable[Object]) -> Proposed | str | None:
-    """The result of a propose Job; its message if it failed."""
+    """Return the result of a propose Job, or the message of a failed Job."""
     return _result_of(pods, "propose", Proposed)
 
 
 def given_up_of(namespace: str, job: str, pods: Sequence[Object]) -> Trouble | None:
-    """Why a task's Job was given up, by its last pod; None if that has found anything out."""
+    """Return why a task's Job failed, from its last pod; None if the pod has a result."""
     last = max(pods, key=lambda pod: str(pod["metadata"]["creationTimestamp"]))
     found = trouble_of([last])
     if found is None or found.final:

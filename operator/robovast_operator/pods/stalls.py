@@ -29,7 +29,7 @@ LOST_SECONDS = 60.0
 def cause_of(
     pods: Iterable[Object], job: JobState, moment: datetime, silence: float, *, at_work: bool
 ) -> Trouble | None:
-    """Why a Job's pods make no progress; None if they do not show it.
+    """Return why a Job's pods make no progress; None if the pods show no cause.
 
     Of each open index only the newest pod counts, or the one before it: causes of older pods,
     and of ended indexes, are over.
@@ -67,7 +67,7 @@ def cause_of(
 
 
 def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble | None:
-    """Why a Job makes no progress whose pods are in a worker cluster of MultiKueue.
+    """Return why a Job with pods in a worker cluster of MultiKueue makes no progress.
 
     Args:
         job: the Job.
@@ -94,7 +94,7 @@ def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble 
 
 
 def _goes_on(deaths: Sequence[datetime], moment: datetime) -> bool:
-    """Whether pods of an index die one after the other, none living longer than those before.
+    """Return whether pods of an index die in series, each no older than the pods before.
 
     Args:
         deaths: when those that died were made, the newest first.
@@ -107,7 +107,7 @@ def _goes_on(deaths: Sequence[datetime], moment: datetime) -> bool:
 
 
 def _open_tries(pods: Iterable[Object], job: JobState) -> list[list[Object]]:
-    """The pods of each index that has not ended, newest first."""
+    """Return the pods of each index that has not ended, newest first."""
     ended = [*ranges(job.completed, job.size), *ranges(job.failed, job.size)]
     by_index: dict[int, list[Object]] = {}
     for pod in pods:
@@ -146,7 +146,7 @@ def _causes(pod: Object, moment: datetime, silence: float) -> Iterator[Trouble]:
 
 
 def may_store(pod: Object, moment: datetime) -> bool:
-    """Whether the agent of a pod may still store something; a pod without an agent is not ours."""
+    """Return whether the agent of a pod may still store results; False without an agent."""
     agents = (c for c in containers_of(pod) if c["name"] == "agent")
     states = [mapping(agent.get("state")) for agent in agents]
     if pod["status"].get("phase") == "Pending":  # another container waits, such as for its image
@@ -157,7 +157,7 @@ def may_store(pod: Object, moment: datetime) -> bool:
 
 
 def _is_lost(pod: Object, moment: datetime) -> bool:
-    """Whether the node of a pod is lost: it is not ready, or a deleted pod does not go."""
+    """Return whether the node of a pod is lost: not ready, or a deleted pod does not terminate."""
     meta, status = pod["metadata"], pod["status"]
     if status.get("phase") != "Running":
         return False
@@ -169,7 +169,7 @@ def _is_lost(pod: Object, moment: datetime) -> bool:
 
 
 def _is_silent(pod: Object, moment: datetime) -> bool:
-    """Whether the agent is running and its probe says that the run writes nothing."""
+    """Return whether the agent is running and the probe reports a run without log output."""
     if pod["status"].get("phase") != "Running" or "deletionTimestamp" in pod["metadata"]:
         return False
     agent: Object = next((c for c in containers_of(pod) if c["name"] == "agent"), {})

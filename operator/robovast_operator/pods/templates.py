@@ -64,7 +64,7 @@ GRACE_SECONDS = 60
 def run_pod(
     accepted: Accepted, settings: Settings, plan: str, request: PackRequest, runs: int = 1
 ) -> Object:
-    """The pod spec of a pack of runs.
+    """Return the pod spec of a pack of runs.
 
     Args:
         accepted: the campaign.
@@ -107,7 +107,7 @@ def task_pod(
     command: str,
     sightings: Sequence[str] = (),
 ) -> Object:
-    """The pod spec of our own work on a whole campaign, such as finish.
+    """Return the pod spec of our own work on a whole campaign, such as finish.
 
     Args:
         accepted: the campaign.
@@ -135,7 +135,7 @@ def task_pod(
 
 
 def _kept(sightings: Sequence[str]) -> list[Object]:
-    """ConfigMaps as files; one that is gone by then keeps nothing from being done."""
+    """Return ConfigMaps as files; the pod starts also if a ConfigMap is deleted."""
     return [
         {"configMap": {"name": name, "items": [{"key": FILE, "path": name}], "optional": True}}
         for name in sightings
@@ -143,7 +143,7 @@ def _kept(sightings: Sequence[str]) -> list[Object]:
 
 
 def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Object:
-    """The pod spec that sends a notice; it sees nothing of the campaign, and no S3 credentials."""
+    """Return the pod spec that sends a notification, without campaign data and S3 credentials."""
     allowed = settings.secret_names
     if refusal(scheduling, allowed):
         scheduling = scheduling.model_copy(update={"image_pull_secrets": []})
@@ -160,7 +160,7 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
 
 
 def _receiver_sources(order: Order, allowed: Container[str]) -> list[Object]:
-    """Keys of Secrets as files; one that is missing is told by who looks for it, at once.
+    """Return keys of Secrets as files; the notifier itself reports a missing key at once.
 
     So is one that the Campaign may not name: it is not mounted.
     """
@@ -195,7 +195,7 @@ def _pod(accepted: Accepted, settings: Settings, plan: str, nodes: Nodes) -> Obj
 
 
 def _file_sources(accepted: Accepted) -> list[Object]:
-    """Our own ConfigMap with the input files, if they are in one."""
+    """Return the ConfigMap with the input files; empty if the files are elsewhere."""
     source = accepted.spec.source
     if source.inline is None and source.config_map is None:
         return []
@@ -207,7 +207,7 @@ def _file_sources(accepted: Accepted) -> list[Object]:
 
 
 def inline_items(accepted: Accepted) -> list[Object]:
-    """Which key of the ConfigMap becomes which file."""
+    """Return which key of the ConfigMap becomes which file."""
     inline = accepted.spec.source.inline
     paths = [*inline.files, *inline.binary_files] if inline is not None else []
     return [{"key": f"file-{index}", "path": path} for index, path in enumerate(paths)]
@@ -244,7 +244,7 @@ def _run_container(
     arguments: list[str],
     resources: Resources,
 ) -> Object:
-    """A container of the user's image: it sees its inputs and its own output, nothing else."""
+    """Return a container of the user's image, which sees only its inputs and its output."""
     return {
         "name": name,
         "image": accepted.image,
@@ -264,7 +264,7 @@ def _run_container(
 
 
 def device_claims(templates: Sequence[str]) -> list[Object]:
-    """A pod's own claims of devices, by the templates that they are made from."""
+    """Return the device claims of a pod, one per ResourceClaimTemplate."""
     return [
         {"name": _claim_name(number), "resourceClaimTemplateName": name}
         for number, name in enumerate(templates)
@@ -272,7 +272,7 @@ def device_claims(templates: Sequence[str]) -> list[Object]:
 
 
 def _devices(accepted: Accepted) -> Object:
-    """The same as resources: all containers of a run share them."""
+    """Return the same as resources: all containers of a run share them."""
     claims = range(len(accepted.vast.execution.kubernetes.device_claims))
     return {"claims": [{"name": _claim_name(number)} for number in claims]} if claims else {}
 
@@ -282,7 +282,7 @@ def _claim_name(number: int) -> str:
 
 
 def asset_volumes(assets: Sequence[Assets]) -> list[Object]:
-    """The volumes of a document's assets.
+    """Return the volumes of a document's assets.
 
     A claim is read only here, too, so that the kubelet gives its files to no other group.
     """
@@ -300,7 +300,7 @@ def _assets_name(number: int) -> str:
 
 
 def _shared_memory(accepted: Accepted) -> list[Object]:
-    """The volume that all containers of a run have as `/dev/shm`, where the document wants one.
+    """Return the volume `/dev/shm` that all containers of a run share; empty if not set.
 
     What is in it counts to the memory of the container that wrote it.
     """
@@ -312,7 +312,7 @@ def _shared_memory(accepted: Accepted) -> list[Object]:
 
 
 def _work(settings: Settings) -> Object:
-    """The volume of a run's pod; a pod that exceeds its limit is evicted, and no other."""
+    """Return the work volume of a run pod; only a pod that exceeds the limit is evicted."""
     limit = {"sizeLimit": settings.work_limit} if settings.work_limit else {}
     return _volume(Mount.WORK, emptyDir=limit)
 
@@ -329,7 +329,7 @@ def _own(
     resources: Object,
     more: Iterable[Object] = (),
 ) -> Object:
-    """A container of our own image, which knows where it is."""
+    """Return a container of the agent image, with its pod and node as variables."""
     variables: list[Object] = [
         *more,
         {"name": "POD_NAME", "valueFrom": {"fieldRef": {"fieldPath": "metadata.name"}}},
@@ -342,7 +342,7 @@ def _own(
 
 
 def _agent(accepted: Accepted, settings: Settings, request: PackRequest) -> Object:
-    """The container that prepares and stores the runs.
+    """Return the container that prepares and stores the runs.
 
     It is not started until they are prepared, and not ready while a run is silent.
     """
@@ -365,13 +365,13 @@ _WHILE_RUNNING = {"periodSeconds": 60, "failureThreshold": 1}
 
 
 def _probe(*words: str) -> Object:
-    """A probe by `test`, the last of whose words is a path in the pod's own volume."""
+    """Return a probe by `test`; the last word is a path in the pod's own volume."""
     command = ["test", *words[:-1], f"{Mount.WORK.path}/{words[-1]}"]
     return {"exec": {"command": command}, "timeoutSeconds": 20}
 
 
 def container_resources(accepted: Accepted, resources: Resources) -> Object:
-    """Requests and limits of a container; what a document does not limit is not limited.
+    """Return requests and limits of a container; what a document does not limit is not limited.
 
     Raises:
         InputError: a value is none, or there is none for this cluster.

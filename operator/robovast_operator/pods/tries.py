@@ -23,7 +23,7 @@ TOLD = 3
 
 
 def number_of(name: str, task: str) -> int | None:
-    """Which Job of a task has a name, from 0: `finish-3`, `finish-3-1`, …; None when none has."""
+    """Return the number of a task's Job by name (`finish-3` is 0, `finish-3-1` is 1); else None."""
     if name == task:
         return 0
     number = name.removeprefix(f"{task}-")
@@ -42,24 +42,24 @@ class Tries:
 
     @classmethod
     def of(cls, jobs: Iterable[JobState], task: str) -> Tries:
-        """Those among a campaign's Jobs."""
+        """Select the Jobs of a task from the Jobs of a campaign."""
         mine = [job for job in jobs if number_of(job.name, task) is not None]
         return cls(task, tuple(sorted(mine, key=lambda job: number_of(job.name, task) or 0)))
 
     @property
     def last(self) -> JobState | None:
-        """The one that counts."""
+        """Return the Job that counts, which is the last one."""
         return self.jobs[-1] if self.jobs else None
 
     @property
     def ended_well(self) -> bool:
-        """Whether that one is complete."""
+        """Return whether the last Job is complete."""
         last = self.last
         return last is not None and last.finished == "Complete" and not last.deleting
 
     @property
     def old(self) -> tuple[JobState, ...]:
-        """Those that another has taken the place of."""
+        """Return the Jobs that another Job has replaced."""
         return self.jobs[:-1]
 
     @property
@@ -68,11 +68,11 @@ class Tries:
 
     @property
     def next_name(self) -> str:
-        """Name of the one that is to be made next."""
+        """Return the name of the next Job."""
         return f"{self.task}-{self._number}" if self.jobs else self.task
 
     def wait(self, moment: datetime) -> float:
-        """How long to wait before the next one is made, when the last has left no word [s]."""
+        """Return the delay of the next Job, if the last Job has left no message [s]."""
         if self.last is None:
             return 0.0
         pause = min(LONGEST_PAUSE, FIRST_PAUSE * (1 << min(self._number - 1, 20)))
@@ -81,7 +81,7 @@ class Tries:
 
     @property
     def told(self) -> str:
-        """What is told of tasks that come to nothing, again and again; empty before."""
+        """Return the message about repeatedly lost messages; empty for the first few Jobs."""
         if self.last is None or self._number < TOLD:
             return ""
         return (

@@ -31,7 +31,7 @@ class Tally:
 
     @property
     def settled(self) -> int:
-        """Runs of which nothing more is to be known."""
+        """Return the number of runs with a final state."""
         return self.passed + self.failed + self.errored + self.not_needed
 
 
@@ -46,7 +46,7 @@ class Report(Tally):
 
 
 def total(parts: Iterable[Tally]) -> Tally:
-    """Several tallies of different runs as one."""
+    """Add tallies of different runs."""
     known = list(parts)
     return Tally(
         sum(part.passed for part in known),
@@ -68,24 +68,24 @@ class ShardRuns:
     """Of a repetition's groups."""
 
     def number(self, indexes: Iterable[Span]) -> int:
-        """How many runs some indexes have."""
+        """Return how many runs some indexes have."""
         inside = clip(indexes, 0, self.shard.size - 1)
         packs = shift(inside, self.shard.first_pack)
         return self.sizes.runs_of(packs) if self.shard.repeat else count(self.plan.ids_of(packs))
 
     @property
     def all(self) -> int:
-        """How many runs the shard has."""
+        """Return how many runs the shard has."""
         return self.number([(0, self.shard.size - 1)])
 
     def ids(self, index: int) -> list[Span]:
-        """The ids of an index's runs; nobody here knows those of a repetition."""
+        """Return the run ids of an index; empty for a repetition, whose ids are in the bucket."""
         pack = self.shard.first_pack + index
         return [] if self.shard.repeat else self.plan.ids_of([(pack, pack)])
 
 
 def tally_of(runs: ShardRuns, job: JobState, reports: Mapping[int, Report]) -> Tally:
-    """What a shard's Job and its pods say of its runs.
+    """Count the verdicts of a shard, from its Job and pods.
 
     Args:
         runs: of the shard.
@@ -107,7 +107,7 @@ def tally_of(runs: ShardRuns, job: JobState, reports: Mapping[int, Report]) -> T
 
 
 def _index_tally(runs: ShardRuns, index: int, report: Report) -> Tally:
-    """What a report says of its index; nothing when it speaks of more runs than there are."""
+    """Count the verdicts in a report of an index; ignore a report with too many runs."""
     number, mine = runs.number([(index, index)]), runs.ids(index)
     left = number - report.settled
     if left < 0:

@@ -59,7 +59,7 @@ class QueueFindings:
 
 
 def waiting_of(workload: Object, job: JobState) -> Waiting | None:
-    """Why a Job waits, by what Kueue says of its Workload; None when it has its quota."""
+    """Return why a Job waits, from its Workload of Kueue; None if the Job has quota."""
     conditions = {c["type"]: c for c in workload["status"].get("conditions", ())}
     reserved = conditions.get("QuotaReserved", {})
     cause = after_colon(reserved.get("message", ""))
@@ -94,7 +94,7 @@ def waiting_of(workload: Object, job: JobState) -> Waiting | None:
 
 
 def _unchecked(workload: Object, job: JobState) -> Waiting | None:
-    """What a Job with quota waits for: a worker cluster of MultiKueue, or another such check."""
+    """Return the admission check that a Job with quota waits for, such as a worker cluster."""
     for check in _checks(workload):
         if check.get("state") != "Ready":
             name, cause = text(check.get("name")), after_colon(text(check.get("message")))
@@ -107,12 +107,12 @@ def _unchecked(workload: Object, job: JobState) -> Waiting | None:
 
 
 def worker_of(workload: Object) -> str:
-    """The worker cluster that executes a Workload; empty when none does."""
+    """Return the worker cluster that runs a Workload; empty without a worker cluster."""
     return text(workload["status"].get("clusterName"))
 
 
 def no_class(job: JobState) -> Waiting:
-    """The finding that there is no such priority class."""
+    """Return the finding that the priority class does not exist."""
     message = (
         f"Kueue has no WorkloadPriorityClass {job.priority}. Create the class, or set "
         "spec.queuePriorityClassName to another class (`kubectl get workloadpriorityclasses`)."
@@ -140,7 +140,7 @@ def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object])
 
 
 def _is_for_others(workload: Object) -> bool:
-    """Whether MultiKueue rejects a Workload because its Job is not one for other clusters.
+    """Return whether MultiKueue rejects a Workload because its Job is for this cluster.
 
     No field says so, up to v1beta2 of Kueue 0.16; the message names the field of the Job.
     """
@@ -149,7 +149,7 @@ def _is_for_others(workload: Object) -> bool:
 
 
 def leads_elsewhere(workload: Object) -> bool:
-    """Whether the queue of an admitted Workload may lead to other clusters: it has a check."""
+    """Return whether the queue of an admitted Workload may lead to other clusters."""
     return any(_checks(workload))
 
 
@@ -158,14 +158,14 @@ def _checks(workload: Object) -> Iterable[Object]:
 
 
 def _is_about(workload: Object, condition: Object, pods: int) -> bool:
-    """Whether a condition is about the Workload as it is, and that about the Job as it is."""
+    """Return whether condition and Workload describe the current Workload and Job."""
     asked = sum(number(s.get("count"), 1) for s in mappings(workload["spec"].get("podSets")))
     generation = workload["metadata"].get("generation")
     return bool(asked == pods and condition.get("observedGeneration") == generation)
 
 
 def pods_that_fit(message: str, pods: int) -> int | None:
-    """How many of a Job's pods a queue can hold, from Kueue's refusal of all of them.
+    """Return how many of a Job's pods a queue can hold, from Kueue's refusal of all of them.
 
     No field of a Workload says so, up to v1beta2 of Kueue 0.16: its words are all there is.
     Kueue's maximum counts what can be borrowed, too. Of several flavors the roomiest counts.
@@ -192,7 +192,7 @@ def _quantity(amount: str) -> float | None:
 def place_of(
     pending: Sequence[Object], job: JobState, running: Iterable[JobState], now: datetime
 ) -> QueuePlace | None:
-    """Where a Job stands in its queue; None when it is not among those that wait.
+    """Return the position of a Job in its queue; None if the Job does not wait in the queue.
 
     Args:
         pending: items of Kueue's answer about the LocalQueue.
@@ -216,7 +216,7 @@ def place_of(
 
 
 def _position(item: Object) -> int:
-    """1 is next."""
+    """Return 1 is next."""
     return number(item.get("positionInClusterQueue")) + 1
 
 
@@ -226,7 +226,7 @@ def _owner(item: Object) -> str:
 
 
 def wait_seconds(position: int, running: Iterable[JobState], now: datetime) -> float | None:
-    """Time until the quota of those that run has come to a place in the queue [s].
+    """Return the time until running Jobs free quota for a position in the queue [s].
 
     Each Job that runs is taken to go on at its pace so far, and each that waits before this place
     to take what those take on average. None as long as none of them has finished anything.
@@ -243,7 +243,7 @@ def wait_seconds(position: int, running: Iterable[JobState], now: datetime) -> f
 
 
 def _pace(job: JobState, now: datetime) -> tuple[float, float] | None:
-    """Time that a Job will still take, and that it takes in all [s]."""
+    """Return the remaining and the total time of a Job [s]."""
     done = sum(count(ranges(told, job.size)) for told in (job.completed, job.failed))
     if not done or not job.started:
         return None
@@ -253,7 +253,7 @@ def _pace(job: JobState, now: datetime) -> tuple[float, float] | None:
 
 
 def about(seconds: float) -> str:
-    """A time in words, no more precise than it is known."""
+    """Return a time in words, with limited precision."""
     if seconds < 60:
         return "less than a minute"
     for unit, length, most in (("min", 60, 90), ("h", 3600, 36)):

@@ -15,7 +15,7 @@ from robovast_operator.snapshot import Snapshot
 
 
 def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
-    """All conditions of an accepted campaign.
+    """Return all conditions of an accepted campaign.
 
     Args:
         snapshot: of the campaign.
@@ -35,7 +35,7 @@ def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
 
 
 def rejected_conditions(reason: str, message: str, before: Iterable[Condition] = ()) -> list[Found]:
-    """All conditions of a campaign that cannot be executed as it is.
+    """Return all conditions of a rejected campaign.
 
     Args:
         reason: CamelCase reason.
@@ -60,7 +60,7 @@ def rejected_conditions(reason: str, message: str, before: Iterable[Condition] =
 
 
 def composing_conditions(trouble: Trouble | None) -> list[Found]:
-    """All conditions of a campaign whose document is just being expanded."""
+    """Return all conditions of a campaign whose document is just being expanded."""
     told = trouble or Trouble("Expanding", "A Job expands the .vast file.")
     names = ("Accepted", "QuotaReserved", "Succeeded", "Passed")
     unknown: list[Found] = [(name, "Unknown", "Expanding", "") for name in names]
@@ -78,7 +78,7 @@ def composing_conditions(trouble: Trouble | None) -> list[Found]:
 
 
 def failing_conditions(trouble: Trouble, before: Iterable[Condition]) -> list[Found]:
-    """The conditions of a campaign that cannot be reconciled: the previous ones, and why."""
+    """Return the conditions of a campaign that cannot be reconciled: the previous ones, and why."""
     why = (trouble.reason, trouble.message)
     kept: list[Found] = [
         (c.type, c.status, c.reason, c.message) for c in before if c.type != "Stalled"
@@ -94,7 +94,7 @@ SUSPENDED = "The campaign is suspended. To resume the campaign, set spec.suspend
 def campaign_state(
     snapshot: Snapshot, runs: Runs, conditions: Iterable[Condition], *, active: bool
 ) -> str:
-    """One word for people.
+    """Return the state of a campaign as one word.
 
     Args:
         snapshot: of the campaign.
@@ -182,7 +182,7 @@ def _passed(snapshot: Snapshot, runs: Runs) -> Found:
 
 
 def _found(snapshot: Snapshot, search: SearchStatus) -> Found:
-    """Whether a search could score its sets; failed runs are no fault: it looks for them."""
+    """Return the condition Passed of a search, which passes if parameter sets have scores."""
     if snapshot.given_up is not None:
         return ("Passed", "False", snapshot.given_up.reason, snapshot.given_up.message)
     if not (snapshot.over and snapshot.indexed):
@@ -205,7 +205,7 @@ def _results(snapshot: Snapshot) -> Found:
 
 
 def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
-    """Whether a changed status is written at once: numbers can wait, conditions cannot."""
+    """Return whether a changed status is written at once: numbers can wait, conditions cannot."""
 
     def facts(status: CampaignStatus) -> list[tuple[str, str, str]]:
         return [(c.type, c.status, c.reason) for c in status.conditions]
@@ -228,7 +228,7 @@ def is_news(old: CampaignStatus, new: CampaignStatus) -> bool:
 def is_settled(
     obj: Object, jobs: Mapping[str, JobState], configurations: Collection[Object]
 ) -> bool:
-    """Whether a campaign is finished: nothing is left to do for it."""
+    """Return whether a campaign is finished, so that no work is left."""
     status = read_status(CampaignStatus, obj.get("status"))
     spec = obj.get("spec") or {}
     expires = spec.get("ttlSecondsAfterFinished") is not None and bool(jobs)

@@ -14,7 +14,7 @@ FOR_EVER = 1e9
 
 
 def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
-    """When a campaign ends; None before its first run has ended, and where nobody can know.
+    """Estimate when a campaign ends; None before the first run has finished, or if unknown.
 
     It is made anew only when further runs have ended: it causes no write of its own.
 
@@ -45,7 +45,7 @@ def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
 
 
 def _progress(snapshot: Snapshot, done: int, left: int, seconds: float) -> Progress:
-    """How far a campaign is, by the pods that it has now."""
+    """Return the progress of a campaign with its current number of pods."""
     plan, parallelism = snapshot.plan, snapshot.accepted.spec.parallelism
     rounds, pace = plan.rounds, snapshot.pods.pace
     size = rounds[-1].size if rounds else (done + left) / max(1, plan.packs)

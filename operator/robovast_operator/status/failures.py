@@ -15,7 +15,7 @@ _TOO_LARGE = ("request is too large", "Too long: ", "limit is ")
 
 
 def trouble_of_error(error: Exception) -> Trouble:
-    """Why a reconcile failed."""
+    """Return why a reconcile failed."""
     if isinstance(error, RobovastError):
         return Trouble("Invalid", sentence(str(error), "The Campaign is invalid: "))
     if isinstance(error, TimeoutError) or (isinstance(error, ApiError) and error.code == 0):

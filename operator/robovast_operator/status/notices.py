@@ -56,7 +56,7 @@ def due(
     now: datetime,
     lasting: timedelta,
 ) -> tuple[Transition | None, float | None]:
-    """What is to be told now, and when to look again although nothing happens [s].
+    """Return the notification to send now, and when to look again without a change [s].
 
     Args:
         status: of the campaign.
@@ -77,7 +77,7 @@ def due(
 
 
 def interested(transition: Transition, receivers: Sequence[Notification]) -> list[Notification]:
-    """Those who are told of it."""
+    """Return the notification targets that subscribe to a notification."""
     return _interested(transition.event, receivers)
 
 
@@ -87,26 +87,26 @@ def _interested(event: Event, receivers: Sequence[Notification]) -> list[Notific
 
 
 def marked(status: CampaignStatus, transition: Transition) -> CampaignStatus:
-    """The status with the mark of a sent notice; of milestones of a kind, the last mark stays."""
+    """Return the status with the mark of a notification; one mark per kind of milestone."""
     kept = [mark for mark in status.notified if not _is_replaced(mark, transition)]
     return status.model_copy(update={"notified": [*kept, transition.mark][-NOTIFIED_LIMIT:]})
 
 
 def _is_replaced(mark: str, transition: Transition) -> bool:
-    """Whether a mark is of an earlier milestone of the kind: days of hours are no history."""
+    """Return whether a mark is of an earlier milestone of the same kind."""
     kind = transition.event.lower()
     return kind in {"progress", "batch"} and mark.startswith(f"{kind}-")
 
 
 def job_suffix(transition: Transition) -> str:
-    """Suffix of the Job's name; a Campaign's name leaves no room for a whole mark."""
+    """Return suffix of the Job's name; a Campaign's name leaves no room for a whole mark."""
     return f"notify-{_hash(transition.mark)[:6]}"
 
 
 def notice(
     identity: Identity, status: CampaignStatus, transition: Transition, now: datetime
 ) -> Notice:
-    """The content of a notice."""
+    """Return the content of a notice."""
     passed = _condition(status, "Passed")
     over = transition.event in {"Finished", "GivenUp"}
     told = passed if transition.event == "Finished" and passed else transition.since
@@ -138,7 +138,7 @@ def notice(
 
 
 def _transition(status: CampaignStatus) -> Transition | None:
-    """What the conditions say that is worth telling, told or not."""
+    """Return the transition in the conditions that is worth a notification, sent or not."""
     succeeded, stalled = _condition(status, "Succeeded"), _condition(status, "Stalled")
     results = _condition(status, "ResultsAvailable")
     attempt = status.attempt
@@ -161,7 +161,7 @@ def _transition(status: CampaignStatus) -> Transition | None:
 def _next_milestone(
     status: CampaignStatus, receivers: Sequence[Notification], now: datetime
 ) -> tuple[Transition | None, float | None]:
-    """What a campaign that simply goes on has come to, and when it comes to the next hour [s]."""
+    """Return the milestone of a running campaign, and the time until the next hour [s]."""
     going = _condition(status, "Reconciling")
     if status.start_time is None or going is None or status.state not in _GOING:
         return None, None

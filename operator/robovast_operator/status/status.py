@@ -19,7 +19,7 @@ from robovast_operator.status.estimate import estimate_of
 
 
 def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
-    """The status of a campaign, with the shards that are just being made."""
+    """Return the status of a campaign, including the shards that are just being created."""
     old = snapshot.status
     accepted = snapshot.accepted
     records, settled = _folded(snapshot, _records(snapshot, created))
@@ -61,7 +61,7 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
 
 
 def _begins(snapshot: Snapshot, created: Sequence[ShardPlan]) -> bool:
-    """Whether a shard is executed; what a queue holds back is not yet."""
+    """Return whether a shard is started; a shard that a queue holds back is not started."""
     known = [snapshot.job(shard) for shard in snapshot.shards]
     if any(job is not None and not job.suspended for job in known):
         return True
@@ -69,7 +69,7 @@ def _begins(snapshot: Snapshot, created: Sequence[ShardPlan]) -> bool:
 
 
 def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:
-    """Shards in the status: they have a Job, or had one."""
+    """Return the records of shards that have or had a Job."""
     made = {shard.job for shard in created}
     records = []
     for shard in snapshot.shards:
@@ -98,7 +98,7 @@ def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:
 
 
 def _folded(snapshot: Snapshot, records: Sequence[Shard]) -> tuple[list[Shard], Settled]:
-    """The shards in the status; if there are too many, the oldest only as numbers."""
+    """Return the shards for the status; count only the oldest if there are too many."""
     current = {shard.job for shard in snapshot.shards}
     past = [record for record in snapshot.status.shards if record.job not in current]
     settled = snapshot.settled
@@ -151,7 +151,7 @@ class _Numbers:
 
 
 def _numbers(snapshot: Snapshot) -> _Numbers:
-    """Counts and bad runs: first those of the Jobs, in the end those of the bucket."""
+    """Return counts and unsuccessful runs: first from the Jobs, at the end from the bucket."""
     old, final, settled = snapshot.status, snapshot.final, snapshot.settled
     if snapshot.repeats:
         return _Numbers(Runs(total=snapshot.plan.total, **_counts(settled), stored=settled.passed))
@@ -185,6 +185,6 @@ def _counts(of: Tally | Settled) -> dict[str, int]:
 
 
 def _texts(failed: Sequence[Span], errored: Sequence[Span]) -> tuple[str, str, bool]:
-    """Ids for people, as many as fit, and whether some are missing."""
+    """Return as many ids as fit into the status, and whether ids are missing."""
     cut = [truncate(format_ranges(ids), RANGES_LIMIT) for ids in (failed, errored)]
     return cut[0][0], cut[1][0], any(was_cut for _, was_cut in cut)

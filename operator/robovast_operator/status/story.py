@@ -15,7 +15,7 @@ from robovast_operator.snapshot import Snapshot
 
 
 def story(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
-    """Events for the change of a campaign's status to a new one."""
+    """Generate Events for the change of a campaign's status to a new one."""
     yield from _planned(snapshot, new)
     yield from _jobs(snapshot, new)
     yield from _repeated(snapshot, new)
@@ -23,7 +23,7 @@ def story(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
 
 
 def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
-    """The first runs, and those that a change of the Campaign adds; not each batch of a search."""
+    """Generate the Event of the first runs, and of runs that a change of the Campaign adds."""
     old, total = snapshot.status, new.runs.total
     asked = not old.runs.total or old.observed_generation != new.observed_generation
     if total <= old.runs.total or not asked:
@@ -37,7 +37,7 @@ def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
 
 
 def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
-    """The first Job, the tenth, the hundredth, and so on."""
+    """Generate the first Job, the tenth, the hundredth, and so on."""
     before, now = _made(snapshot.status), _made(new)
     if now <= before or _step(before) == _step(now):
         return
@@ -52,14 +52,14 @@ def _made(status: CampaignStatus) -> int:
 
 
 def _repeated(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
-    """Another attempt."""
+    """Generate another attempt."""
     if new.bad is not None and new.attempt > snapshot.status.attempt:
         message = f"Attempt {new.attempt} repeats {_count(new.bad.runs, 'unsuccessful run')}."
         yield Message("Normal", "RetryStarted", message, str(new.attempt))
 
 
 def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
-    """The first runs and pods that went wrong, then numbers: the tenth, the hundredth, ..."""
+    """Generate Events of the first mishaps, then of the tenth, the hundredth, and so on."""
     before, now = _bad(snapshot.status), _bad(new)
     # A Job counts its bad runs before their pods are read, which say what became of them.
     if _is_among_first(before, now) or _is_among_first(_told(snapshot.status), _told(new)):
@@ -75,12 +75,12 @@ def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
 
 
 def _bad(status: CampaignStatus) -> int:
-    """How many runs did not pass, or may not have."""
+    """Return how many runs did not pass, or may not have."""
     return status.runs.failed + status.runs.errored + status.runs.undecided
 
 
 def _told(status: CampaignStatus) -> int:
-    """How many runs did not pass, as their pods say."""
+    """Return the number of unsuccessful runs that pods have reported."""
     return status.runs.failed + status.runs.errored
 
 
@@ -89,7 +89,7 @@ def _is_among_first(before: int, now: int) -> bool:
 
 
 def _step(number: int) -> int:
-    """The power of ten that a number has reached, as how many digits it has; of none, 0."""
+    """Return the number of digits of a positive number, and 0 for 0."""
     return len(str(number)) if number else 0
 
 
