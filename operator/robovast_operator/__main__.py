@@ -28,7 +28,7 @@ DEEPEST = 12_000
 class Handlers:
     """The functions that kopf calls: they only pass events on, and never raise.
 
-    All are coroutines, since kopf calls plain functions in threads, and what is known here belongs
+    All are coroutines, since kopf calls plain functions in threads, and the store belongs
     to the event loop.
     """
 

@@ -17,8 +17,8 @@ from robovast_operator.kube.times import parse_time
 from robovast_operator.planning.campaign import Revision
 from robovast_operator.planning.shards import WINDOW, ShardPlan, next_shards
 from robovast_operator.snapshot import Snapshot
-from robovast_operator.status.status import tell
-from robovast_operator.status.story import story
+from robovast_operator.status.progress_events import progress_events
+from robovast_operator.status.status import campaign_status
 
 
 @dataclass(frozen=True)
@@ -117,9 +117,9 @@ def decide(snapshot: Snapshot) -> Decision:
     """Return the next steps of an accepted campaign."""
     actions = [*_open_jobs(snapshot), *_new_jobs(snapshot), *_upload(snapshot)]
     created = [action.shard for action in actions if isinstance(action, CreateShard)]
-    status = tell(snapshot, created)
+    status = campaign_status(snapshot, created)
     later = [*_cancel(snapshot), *_withdraw(snapshot), *_tidy(snapshot), *_expire(snapshot)]
-    events = tuple(story(snapshot, status))
+    events = tuple(progress_events(snapshot, status))
     return Decision(status, tuple(actions), tuple(later), events, _again(snapshot))
 
 
@@ -127,12 +127,12 @@ def _open_jobs(snapshot: Snapshot) -> list[Action]:
     """Return changes to Jobs that are running."""
     if snapshot.quiet:
         return []
-    anew = [job for job in snapshot.open if _is_to_be_made_anew(snapshot, job)]
-    others = [job for job in snapshot.open if job not in anew and not job.deleting]
+    outdated = [job for job in snapshot.open if _must_be_replaced(snapshot, job)]
+    others = [job for job in snapshot.open if job not in outdated and not job.deleting]
     wrong = [job for job in others if _is_wrong(snapshot, job)]
     suspend = snapshot.accepted.spec.suspend
     switched = [SuspendJob(job.name, suspend) for job in wrong]
-    return [*switched, *(_made_anew(snapshot, job) for job in anew), *_resize(snapshot)]
+    return [*switched, *(_replaced(snapshot, job) for job in outdated), *_resize(snapshot)]
 
 
 def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
@@ -143,12 +143,12 @@ def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
     return suspend != (job.name in snapshot.queue.parked) and (suspend or job.suspended)
 
 
-def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
+def _must_be_replaced(snapshot: Snapshot, job: JobState) -> bool:
     """Return whether a Job must be replaced: it holds deleted pods, or waits in a wrong place.
 
-    So must one that begins anew in another cluster: what its status has counted may not decrease,
-    and it need not wait for a cluster that is lost. And one that waits as for this cluster, though
-    its queue leads to others.
+    A Job that another cluster starts again must also be replaced, because its counts must not
+    decrease and it must not wait for a lost cluster. So must a Job that waits for this cluster
+    although its queue leads to other clusters.
     """
     spec = snapshot.accepted.spec
     if job.deleting or (job.elsewhere and spec.suspend):
@@ -161,7 +161,7 @@ def _is_to_be_made_anew(snapshot: Snapshot, job: JobState) -> bool:
     return job.name in snapshot.pods.stuck or (job.suspended and (wrong or lost or misled))
 
 
-def _made_anew(snapshot: Snapshot, job: JobState) -> Action:
+def _replaced(snapshot: Snapshot, job: JobState) -> Action:
     """Replace a Job.
 
     One that another cluster may still have gets a successor of another name, and is deleted when
@@ -224,7 +224,7 @@ def _new_jobs(snapshot: Snapshot) -> list[Action]:
         return [AppendRuns(snapshot.packing)]
     if not snapshot.quiet:
         return [*_next_proposal(snapshot), *_further_shards(snapshot)]
-    if snapshot.repetition_due and snapshot.all_known:
+    if snapshot.repetition_due and snapshot.all_indexed:
         return []
     return [] if snapshot.indexed or _at_work(snapshot) else _last_jobs(snapshot)
 
@@ -263,7 +263,7 @@ def _last_jobs(snapshot: Snapshot) -> list[Action]:
     plan, jobs = snapshot.revisions[-1].config_map, snapshot.jobs
     if snapshot.final is None:
         finish = snapshot.finish
-        due = finish.last is None or (snapshot.lost_words and not _pause(snapshot))
+        due = finish.last is None or (snapshot.lost_summary and not _pause(snapshot))
         return [CreateTask("finish", finish.next_name, plan)] if due else []
     process = CreateTask("process", snapshot.process_name, plan)
     return [] if snapshot.process_name in jobs else [process]
@@ -281,7 +281,7 @@ def _pause(snapshot: Snapshot) -> float | None:
     """Return pause before a task is repeated whose termination message is lost [s]; else None."""
     if snapshot.lost_proposal:
         return snapshot.search.proposing.wait(snapshot.now)
-    return snapshot.finish.wait(snapshot.now) if snapshot.lost_words else None
+    return snapshot.finish.wait(snapshot.now) if snapshot.lost_summary else None
 
 
 def _cancel(snapshot: Snapshot) -> list[Action]:
@@ -299,10 +299,10 @@ def _at_work(snapshot: Snapshot) -> list[JobState]:
 
 def _tidy(snapshot: Snapshot) -> list[Action]:
     """Delete Jobs whose verdicts are in the status, except for the last few, and what is past."""
-    told = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
-    known = [job for job in told if job is not None and not job.open]
+    jobs = (snapshot.job(shard) for shard in snapshot.shards if snapshot.is_remembered(shard))
+    finished = [job for job in jobs if job is not None and not job.open]
     past = [*snapshot.finish.old, *snapshot.search.past_jobs, *snapshot.replaced]
-    old = [*known[:-WINDOW], *past]
+    old = [*finished[:-WINDOW], *past]
     plans = [DeletePlan(name) for name in snapshot.past_plans]
     return [*plans, *(DeleteJob(job.name) for job in old if not job.deleting)]
 

@@ -150,7 +150,7 @@ class PodsCache:
     given_up: dict[str, Trouble] = field(default_factory=dict)
     """By uid of a Job that failed as a whole: the cause."""
     stuck: set[str] = field(default_factory=set)
-    """Jobs that hold back the deletion of their pods, or whose pods nobody makes."""
+    """Jobs that hold back the deletion of their pods, or whose pods are never created."""
     trouble: Trouble | None = None
     """What is in the way now, until pods are running."""
     deadly: Trouble | None = None
@@ -169,7 +169,7 @@ class QueueCache:
 
     waiting: Waiting | None = None
     parked: set[str] = field(default_factory=set)
-    """Jobs known to be out of their queue because the campaign is suspended."""
+    """Jobs that were removed from their queue because the campaign is suspended."""
     job: tuple[object, ...] = ()
     """The waiting Job, as it was when Kueue was first asked about it."""
     since: float = 0.0

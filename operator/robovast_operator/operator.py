@@ -124,9 +124,9 @@ class Operator:
             self.queue.add(id_[:2])
 
     def _forget_configuration(self, id_: Id) -> None:
-        known = self.store.drop_configuration(id_)
-        if known is not None:
-            self.queue.add(campaign_of(known))
+        dropped = self.store.drop_configuration(id_)
+        if dropped is not None:
+            self.queue.add(campaign_of(dropped))
 
     def _forget_job(self, id_: Id) -> None:
         key = self.store.drop_job(id_)
@@ -160,7 +160,7 @@ class Operator:
                 "Campaigns",
                 paths.campaigns,
                 self.store.campaign_versions,
-                self.store.knows_campaign,
+                self.store.has_campaign,
                 partial(self.campaign_event, "MODIFIED"),
                 self._forget_campaign,
             ),
@@ -168,7 +168,7 @@ class Operator:
                 "Configurations",
                 paths.configurations,
                 self.store.configuration_versions,
-                self.store.knows_configuration,
+                self.store.has_configuration,
                 partial(self.configuration_event, "MODIFIED"),
                 self._forget_configuration,
             ),
@@ -176,7 +176,7 @@ class Operator:
                 "Jobs",
                 paths.jobs,
                 self.store.job_versions,
-                self.store.knows_job,
+                self.store.has_job,
                 partial(self.job_event, "MODIFIED"),
                 self._forget_job,
                 {"labelSelector": f"{MANAGED_LABEL}={MANAGED_BY}"},

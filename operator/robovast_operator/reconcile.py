@@ -55,13 +55,13 @@ from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import shard_job, task_job, upload_job
 from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.pods.reports import composed_of, given_up_of, proposed_of
-from robovast_operator.pods.tries import NO_WORD, Tries
+from robovast_operator.pods.tries import TASK_PODS_LOST, Tries
 from robovast_operator.settings import Settings
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.conditions import is_settled
 from robovast_operator.status.failures import trouble_of_error
-from robovast_operator.status.status import tell
-from robovast_operator.status.story import story
+from robovast_operator.status.progress_events import progress_events
+from robovast_operator.status.status import campaign_status
 
 LOGGER = logging.getLogger(__name__)
 
@@ -113,17 +113,17 @@ class Reconciler:
             if isinstance(error, ApiError) and error.terminating:
                 await self._let_go(key)
             else:
-                await self._tell_failure(key, trouble_of_error(error))
+                await self._report_failure(key, trouble_of_error(error))
         except Exception as error:
             delay = self._queue.add_failed(key)
             LOGGER.exception("%s/%s: a fault of the operator; again in %.0f s", *key, delay)
-            await self._tell_failure(key, trouble_of_error(error))
+            await self._report_failure(key, trouble_of_error(error))
         else:
             self._queue.succeeded(key)
             if key in self._memories:
                 self._memories[key].failing = None
 
-    async def _tell_failure(self, key: Key, trouble: Trouble) -> None:
+    async def _report_failure(self, key: Key, trouble: Trouble) -> None:
         """Report why a Campaign cannot be reconciled, if reconciles fail repeatedly."""
         self._metrics.failed(trouble.reason)
         obj, memory = self._store.campaigns.get(key), self._memories.get(key)
@@ -218,7 +218,7 @@ class Reconciler:
             await self._statuses.rejected(obj, why)
             return
         snapshot = await self._look(obj, *planned, memory, jobs)
-        seen = tell(snapshot, ())
+        seen = campaign_status(snapshot, ())
         await self._statuses.rejected(obj, why, seen, runs_continue=bool(snapshot.open))
         if snapshot.pods.again is not None:
             self._queue.add(Identity.of(obj).key, snapshot.pods.again)
@@ -227,18 +227,18 @@ class Reconciler:
         self, obj: Object, accepted: Accepted, memory: Memory, jobs: dict[str, JobState]
     ) -> None:
         """Return bring an accepted campaign further."""
-        known = memory.inputs
-        additions = await self._inputs.additions(obj, accepted, known)
-        revisions = await self._inputs.revisions(accepted, additions, known)
-        if not self._inputs.is_as_planned(obj, accepted, revisions[0], known):
+        cache = memory.inputs
+        additions = await self._inputs.additions(obj, accepted, cache)
+        revisions = await self._inputs.revisions(accepted, additions, cache)
+        if not self._inputs.is_as_planned(obj, accepted, revisions[0], cache):
             await self._reject(obj, DOCUMENT_CHANGED, memory, jobs)
             return
         snapshot = await self._look(obj, accepted, revisions, memory, jobs)
         decision = decide(snapshot)
         await self._carry_out(obj, snapshot, decision, memory)
-        told = decision.status
-        await self._show_configurations(obj, accepted, revisions[-1], told, additions)
-        foreign = REFUSED_DELAY if memory.taken else None  # no watch tells of others' Jobs
+        status = decision.status
+        await self._show_configurations(obj, accepted, revisions[-1], status, additions)
+        foreign = REFUSED_DELAY if memory.taken else None  # no watch reports foreign Jobs
         for delay in (snapshot.pods.again, snapshot.queue.again, decision.again, foreign):
             if delay is not None:
                 self._queue.add(accepted.identity.key, delay)
@@ -293,7 +293,7 @@ class Reconciler:
             trouble = trouble_of_error(error)
             LOGGER.warning("%s/%s: %s", identity.namespace, identity.name, trouble.message)
             self._metrics.failed(trouble.reason)
-            await self._statuses.tell(identity, trouble, obj["metadata"]["generation"])
+            await self._statuses.report(identity, trouble, obj["metadata"]["generation"])
             self._queue.add(identity.key, REFUSED_DELAY)
 
     async def _composed(
@@ -323,9 +323,9 @@ class Reconciler:
         pods = await self._diagnosis.findings(accepted, memory.pods, jobs)
         again = pods.again or self._settings.stall_seconds
         self._queue.add(identity.key, REFUSED_DELAY if memory.taken else again)
-        speechless = Trouble(NO_WORD, tries.told) if ended and tries.told else None
+        lost_pods = Trouble(TASK_PODS_LOST, tries.problem) if ended and tries.problem else None
         foreign = await self._job_maker.look_again(identity, memory.taken)
-        await self._statuses.composing(obj, accepted, foreign or speechless or pods.trouble)
+        await self._statuses.composing(obj, accepted, foreign or lost_pods or pods.trouble)
         return None
 
     async def _composition(
@@ -363,9 +363,9 @@ class Reconciler:
                 await self._act(accepted, action, memory)
         except ApiError as error:
             if is_refusal(error):
-                seen, old = tell(snapshot, ()), snapshot.status
+                seen, old = campaign_status(snapshot, ()), snapshot.status
                 kept = {"conditions": old.conditions or seen.conditions, "state": old.state}
-                events = tuple(story(snapshot, seen))
+                events = tuple(progress_events(snapshot, seen))
                 await self._statuses.write(obj, seen.model_copy(update=kept), events)
             raise
         written = await self._statuses.write(obj, decision.status, decision.events)

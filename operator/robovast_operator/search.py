@@ -20,7 +20,7 @@ class Search:
 
     accepted: Accepted
     revisions: Sequence[Revision]
-    known: SearchStatus | None
+    stored: SearchStatus | None
     """Its progress in the campaign's status."""
     jobs: Mapping[str, JobState]
     """The campaign's Jobs."""
@@ -33,19 +33,19 @@ class Search:
     def status(self) -> SearchStatus | None:
         """Return the progress; None if the campaign is no search.
 
-        A reason to stop is valid for one plan only: once there is a newer one, the search goes on.
+        A reason to stop is valid for one plan only: with a newer plan, the search continues.
         """
         if not self.accepted.is_search:
             return None
         newest = self.revisions[-1]
-        if self.said is not None:
-            return search_status(self.said, newest.config_map)
-        known = self.known or SearchStatus()
-        if said := self._said(self._proposing(newest.number)):
-            known = search_status(said, "")
-        if known.plan == newest.config_map:
-            return known
-        return known.model_copy(update={"plan": newest.config_map, "stop": "", "stop_reason": ""})
+        if self.proposed is not None:
+            return search_status(self.proposed, newest.config_map)
+        stored = self.stored or SearchStatus()
+        if proposed := self._proposed(self._proposing(newest.number)):
+            stored = search_status(proposed, "")
+        if stored.plan == newest.config_map:
+            return stored
+        return stored.model_copy(update={"plan": newest.config_map, "stop": "", "stop_reason": ""})
 
     @cached_property
     def goes_on(self) -> bool:
@@ -58,18 +58,18 @@ class Search:
         return self._proposing(self.revisions[-1].number + 1)
 
     @cached_property
-    def said(self) -> Proposed | None:
+    def proposed(self) -> Proposed | None:
         """Return the message of the current propose Jobs; None without a message."""
-        return self._said(self.proposing)
+        return self._proposed(self.proposing)
 
     @cached_property
     def growth(self) -> Revision | str | None:
         """Return the plan with the proposed runs, or the error message."""
-        if self.said is None or self.said.stop:
+        if self.proposed is None or self.proposed.stop:
             return None
         name = self.revisions[-1].next_name(self.accepted.identity)
         try:
-            return grown(self.accepted, self.revisions, self.said, name, self.variant_limit)
+            return grown(self.accepted, self.revisions, self.proposed, name, self.variant_limit)
         except ValueError as error:
             return no_plan(error)
 
@@ -82,6 +82,6 @@ class Search:
     def _proposing(self, plan: int) -> Tries:
         return Tries.of(self.jobs.values(), self.accepted.identity.child(f"propose-{plan}"))
 
-    def _said(self, tries: Tries) -> Proposed | None:
+    def _proposed(self, tries: Tries) -> Proposed | None:
         found = self.proposals
         return next((found[job.name] for job in tries.jobs if job.name in found), None)

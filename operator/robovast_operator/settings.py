@@ -26,7 +26,7 @@ class Settings:
     namespaces: tuple[str, ...] = ()
     """Namespaces to work in; none means all."""
     secret_names: tuple[str, ...] = ()
-    """Secrets that Campaigns may name beside those with the prefix."""
+    """Secrets that Campaigns may use in addition to Secrets with the prefix."""
     pod_annotations: tuple[str, ...] = ()
     """Annotations that a Campaign may set on its pods."""
     pod_labels: tuple[str, ...] = ()
@@ -56,15 +56,15 @@ class Settings:
     stall_seconds: float = 15.0
     """How long nothing moves before the operator looks for the cause."""
     silence_minutes: float = 30.0
-    """How long a run may write nothing to its log before that is told."""
+    """Time without log output after which a run is reported [min]."""
     notify_seconds: float = 300.0
-    """How long trouble lasts before people are told who do not watch."""
+    """Delay before a stalled campaign triggers a notification [s]."""
     status_seconds: float = 5.0
     """Least time between two writes of one status, unless a condition changes."""
     resync_seconds: float = 600.0
-    """Time between two comparisons of what is known with what is there."""
+    """Interval between two comparisons of the store with the cluster [s]."""
     silence_seconds: float = 70.0
-    """How long a watch may be silent before it is begun anew; a server speaks once a minute."""
+    """Time without an event after which a watch is restarted; servers send one per minute [s]."""
     lease_seconds: float = 15.0
     """How long a leader that has gone is waited for."""
 

@@ -25,7 +25,7 @@ from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.rounds import Rounds
 from robovast_operator.planning.shards import WINDOW, ShardPlan, first_attempts, repetitions
 from robovast_operator.pods.findings import Final, PodFindings, Trouble
-from robovast_operator.pods.tries import NO_WORD, Tries, number_of
+from robovast_operator.pods.tries import TASK_PODS_LOST, Tries, number_of
 from robovast_operator.pods.verdicts import ShardRuns, Tally, tally_of, total
 from robovast_operator.pods.waiting import QueueFindings, Waiting
 from robovast_operator.search import Search
@@ -77,8 +77,8 @@ class Snapshot:
         """Return the verdicts of a shard's runs: from the status after its end, else its Job."""
         record, job = self.records.get(shard.job), self.job(shard)
         if record is not None and record.state in {"Complete", "Failed"}:
-            known = (record.passed, record.failed, record.errored)
-            return Tally(*known, not_needed=record.not_needed)
+            counts = (record.passed, record.failed, record.errored)
+            return Tally(*counts, not_needed=record.not_needed)
         if job is None:
             return Tally()
         return tally_of(self.runs_of(shard), job, self.pods.reports.get(job.name, {}))
@@ -93,10 +93,10 @@ class Snapshot:
             return self.pods.trouble
         if isinstance(self.search.growth, str):
             return Trouble("InvalidPlan", self.search.growth, final=True)
-        limits, known = self.accepted.spec.fail_fast, self.tally
+        limits, tally = self.accepted.spec.fail_fast, self.tally
         for name, limit, found in (
-            ("failed", limits.max_failed, known.failed),
-            ("errored", limits.max_errored, known.errored),
+            ("failed", limits.max_failed, tally.failed),
+            ("errored", limits.max_errored, tally.errored),
         ):
             if limit is not None and found > limit and not self.all_done:
                 message = (
@@ -116,15 +116,15 @@ class Snapshot:
         """Return the trouble that keeps the campaign from going on now."""
         if self.pods.trouble is not None or self.foreign is not None:
             return self.pods.trouble or self.foreign
-        if self.repetition_due and self.all_known and not self.repeats:
+        if self.repetition_due and self.all_indexed and not self.repeats:
             return Trouble(
                 "RunListMissing",
                 "The index Job has stored no list of the unsuccessful runs. Check that operator "
                 "and agent have the same version.",
             )
-        told = self.finish.told if self.lost_words else ""
-        told = self.search.proposing.told if self.lost_proposal else told
-        return Trouble(NO_WORD, told) if told else None
+        problem = self.finish.problem if self.lost_summary else ""
+        problem = self.search.proposing.problem if self.lost_proposal else problem
+        return Trouble(TASK_PODS_LOST, problem) if problem else None
 
     @cached_property
     def plan(self) -> PlanSpec:
@@ -178,11 +178,11 @@ class Snapshot:
 
     @cached_property
     def _tries(self) -> Mapping[str, Tries]:
-        known = {shard.job for shard in self.shards}
+        first_names = {shard.job for shard in self.shards}
         found: dict[str, list[JobState]] = {}
         for name, job in self.jobs.items():
-            first = name if name in known else name.rpartition("-")[0]
-            if first in known and number_of(name, first) is not None:
+            first = name if name in first_names else name.rpartition("-")[0]
+            if first in first_names and number_of(name, first) is not None:
                 found.setdefault(first, []).append(job)
         return {first: Tries.of(jobs, first) for first, jobs in found.items()}
 
@@ -240,9 +240,9 @@ class Snapshot:
     @cached_property
     def all_ended(self) -> bool:
         """Return whether every shard has ended, and no Job that repeats runs is left."""
-        known = {job.name for tries in self._tries.values() for job in tries.jobs}
+        names = {job.name for tries in self._tries.values() for job in tries.jobs}
         jobs = self.jobs.values()
-        strays = (job for job in jobs if job.role == "shard" and job.name not in known)
+        strays = (job for job in jobs if job.role == "shard" and job.name not in names)
         return all(self.ended(shard) for shard in self.shards) and not any(j.open for j in strays)
 
     @cached_property
@@ -284,7 +284,7 @@ class Snapshot:
     def lost_proposal(self) -> bool:
         """Return whether a propose Job succeeded, but its termination message is lost."""
         search = self.search
-        return search.proposing.ended_well and self.due_to_propose and search.said is None
+        return search.proposing.ended_well and self.due_to_propose and search.proposed is None
 
     @cached_property
     def attempt(self) -> int:
@@ -299,13 +299,13 @@ class Snapshot:
     @cached_property
     def repetition_due(self) -> bool:
         """Return whether unsuccessful runs are to be repeated."""
-        none_bad = self.all_known and self.bad is not None and not self.bad.runs
+        none_bad = self.all_indexed and self.bad is not None and not self.bad.runs
         return self.accepted.spec.attempt > self.status.attempt and not none_bad
 
     @cached_property
     def repeats(self) -> bool:
         """Return whether unsuccessful runs can be repeated now, because the list exists."""
-        listed = self.all_known and self.bad is not None and bool(self.bad.list)
+        listed = self.all_indexed and self.bad is not None and bool(self.bad.list)
         return self.repetition_due and listed
 
     @cached_property
@@ -328,8 +328,9 @@ class Snapshot:
     def indexed(self) -> bool:
         """Return whether the index in the bucket covers everything that ran."""
         status = self.status
-        known = status.finished_shards == self.ended_shards and is_true(status, "ResultsAvailable")
-        return self.over and (known or (self.final is not None and self.processed))
+        covered = status.finished_shards == self.ended_shards
+        recorded = covered and is_true(status, "ResultsAvailable")
+        return self.over and (recorded or (self.final is not None and self.processed))
 
     @cached_property
     def results(self) -> str:
@@ -358,7 +359,7 @@ class Snapshot:
         return next((final for final in found if final.runs.total == self.plan.total), None)
 
     @cached_property
-    def lost_words(self) -> bool:
+    def lost_summary(self) -> bool:
         """Return whether the finish Job succeeded, but its termination message is lost."""
         ended = self.finish.ended_well
         return ended and self.over and not self.indexed and self.final is None
@@ -385,7 +386,7 @@ class Snapshot:
         return self.status.decisions if self.final is None else self.final.decisions
 
     @cached_property
-    def all_known(self) -> bool:
+    def all_indexed(self) -> bool:
         """Return whether that index covers everything that ran."""
         bad = self.bad
         covered = (self.ended_shards, self.plan.total)

@@ -52,7 +52,7 @@ def change(server: Cluster, spec: dict[str, Any]) -> str:
         ({"parallelism": 0}, "parallelism"),
         ({"acceptance": {"minPassRatio": "2"}}, "minPassRatio"),
         ({"queueName": "Not A Name"}, "queueName"),
-        ({"scheduling": {"nodeAffinity": {"required": [{"key": "zone"}]}}}, "need some"),
+        ({"scheduling": {"nodeAffinity": {"required": [{"key": "zone"}]}}}, "need at least one"),
         ({"scheduling": {"nodeAffinity": {"preferred": [{"key": "a b", "values": ["c"]}]}}}, "key"),
     ],
 )

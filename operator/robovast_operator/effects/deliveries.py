@@ -11,7 +11,7 @@ from robovast_operator.kube.events import Message
 from robovast_operator.kube.objects import Identity
 from robovast_operator.kube.sentences import clause, with_remedy
 from robovast_operator.kube.store import NOTIFY_ROLE, JobState
-from robovast_operator.pods.pod_status import last_message, last_words
+from robovast_operator.pods.pod_status import last_message, last_messages
 
 
 class Deliveries:
@@ -21,15 +21,17 @@ class Deliveries:
         self._api = api
         self._diagnosis = diagnosis
 
-    async def report(self, identity: Identity, jobs: Iterable[JobState], told: set[str]) -> None:
+    async def report(
+        self, identity: Identity, jobs: Iterable[JobState], reported: set[str]
+    ) -> None:
         """Report once each notice that did not reach all receivers, and the end of each upload."""
         for job in jobs:
-            if job.open or job.uid in told:
+            if job.open or job.uid in reported:
                 continue
             message = await self._message(job)
             if message is not None:
                 await announce(self._api, identity, message)
-            told.add(job.uid)
+            reported.add(job.uid)
 
     async def _message(self, job: JobState) -> Message | None:
         failed, notice = job.finished == "Failed", job.role == NOTIFY_ROLE
@@ -37,7 +39,7 @@ class Deliveries:
             return None
         pods = [pod async for pod in self._diagnosis.pods_of(job)] if failed else []
         if notice:
-            causes = last_words(pods, job.role, job.failed) or [job.message]
+            causes = last_messages(pods, job.role, job.failed) or [job.message]
             message = with_remedy(
                 "A notification could not be sent", "\n".join(causes), "Check spec.notifications."
             )

@@ -47,7 +47,7 @@ _ENDED = "status.phase!=Running,status.phase!=Pending"
 _ALIVE = "status.phase!=Failed,status.phase!=Succeeded"
 
 MEASURED = 32
-"""From how many ended packs on the times of a Job's pods are known well enough."""
+"""Number of ended packs after which the times of a Job's pods are precise enough."""
 
 MOST = 1000
 """Most pods of a Job that are read when it makes no progress."""
@@ -75,35 +75,35 @@ class Diagnosis:
         self._limits = limits
 
     async def findings(
-        self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
+        self, accepted: Accepted, cache: PodsCache, jobs: Mapping[str, JobState]
     ) -> PodFindings:
         """Return what the campaign's pods report; they are read only when that is due."""
-        moved = known.motion.notice(jobs)
-        all_speak = accepted.as_needed
-        waits = [await self._reports(known, job, all_speak) for job in jobs.values()]
-        if accepted.spec.suspend or _has_success(known, jobs):
-            known.trouble = known.deadly = None
+        moved = cache.motion.notice(jobs)
+        all_report = accepted.as_needed
+        waits = [await self._reports(cache, job, all_report) for job in jobs.values()]
+        if accepted.spec.suspend or _has_success(cache, jobs):
+            cache.trouble = cache.deadly = None
         if moved:
-            known.stuck.clear()
+            cache.stuck.clear()
             if any(job.ready for job in jobs.values() if job.open):
-                known.trouble = None
+                cache.trouble = None
         for job in jobs.values():
-            await self._final(known, job)
+            await self._final(cache, job)
             if accepted.vast.execution.packs_are_measured:
-                await self._measure(known, job)
-        waits.append(await self._stalled(accepted, known, jobs))
-        known.mishaps = {name: found for name, found in known.mishaps.items() if name in jobs}
-        known.samples = {name: found for name, found in known.samples.items() if name in jobs}
-        given_up = known.given_up
+                await self._measure(cache, job)
+        waits.append(await self._stalled(accepted, cache, jobs))
+        cache.mishaps = {name: found for name, found in cache.mishaps.items() if name in jobs}
+        cache.samples = {name: found for name, found in cache.samples.items() if name in jobs}
+        given_up = cache.given_up
         return PodFindings(
-            reports=_reports(known, jobs),
-            finals=dict(known.finals),
-            proposals=dict(known.proposals),
-            pace=pace_of(sample for _, found in known.samples.values() for sample in found),
-            mishaps=list(chain.from_iterable(known.mishaps.values()))[:MISHAPS],
+            reports=_reports(cache, jobs),
+            finals=dict(cache.finals),
+            proposals=dict(cache.proposals),
+            pace=pace_of(sample for _, found in cache.samples.values() for sample in found),
+            mishaps=list(chain.from_iterable(cache.mishaps.values()))[:MISHAPS],
             failures={n: given_up[job.uid] for n, job in jobs.items() if job.uid in given_up},
-            stuck=frozenset(known.stuck),
-            trouble=known.trouble or known.deadly,
+            stuck=frozenset(cache.stuck),
+            trouble=cache.trouble or cache.deadly,
             again=min((wait for wait in waits if wait is not None), default=None),
         )
 
@@ -117,7 +117,7 @@ class Diagnosis:
 
         Args:
             identity: of the Campaign.
-            beside: Jobs whose pods may.
+            beside: Jobs whose pods may store runs.
         """
         pods = self._api.list(
             paths.pods(identity.namespace),
@@ -132,122 +132,122 @@ class Diagnosis:
         return min(found, default="")
 
     async def hold_back(
-        self, identity: Identity, known: PodsCache, beside: Collection[str] = ()
+        self, identity: Identity, cache: PodsCache, beside: Collection[str] = ()
     ) -> bool:
         """Return whether a task must wait for a pod of a finished Job; report a long wait."""
         pod = await self.storing(identity, beside)
-        if pod and known.motion.still_for() > STORING_PATIENCE:
+        if pod and cache.motion.still_for() > STORING_PATIENCE:
             logs = f"kubectl logs -n {identity.namespace} {pod} -c agent"
             message = (
                 f"All Jobs have finished, but pod {pod} may still store results, so the index "
                 f"waits for the pod. Read the log with `{logs}`, or delete the pod."
             )
-            known.trouble = Trouble(STORING, message)
+            cache.trouble = Trouble(STORING, message)
         return bool(pod)
 
-    async def _reports(self, known: PodsCache, job: JobState, all_speak: bool) -> float | None:
+    async def _reports(self, cache: PodsCache, job: JobState, all_report: bool) -> float | None:
         """Return the verdicts of failed indexes.
 
         Args:
-            known: what was read before.
+            cache: of the Campaign.
             job: the Job.
-            all_speak: whether those of completed indexes are read, too: they say how many runs
+            all_report: whether pods of completed indexes are also read: they report how many runs
                 they did not need.
         """
-        ended = [job.failed, job.completed] if all_speak else [job.failed]
+        ended = [job.failed, job.completed] if all_report else [job.failed]
         mark = " ".join([job.uid, *ended])
-        before, _ = known.reports.get(job.name, ("", {}))
+        before, _ = cache.reports.get(job.name, ("", {}))
         if job.role != "shard" or not any(ended) or before == mark:
             return None
-        wait = known.looked + REPORT_SECONDS - time.monotonic()
+        wait = cache.looked + REPORT_SECONDS - time.monotonic()
         if job.open and before and wait > 0:
             return wait
-        phase = _ENDED if all_speak else _FAILED
+        phase = _ENDED if all_report else _FAILED
         pods = [pod async for pod in self.pods_of(job, fieldSelector=phase)]
-        known.reports[job.name] = (mark, reports_of(pods))
-        known.mishaps[job.name] = mishaps_of(pods)
-        known.looked = time.monotonic()
+        cache.reports[job.name] = (mark, reports_of(pods))
+        cache.mishaps[job.name] = mishaps_of(pods)
+        cache.looked = time.monotonic()
         return None
 
-    async def _measure(self, known: PodsCache, job: JobState) -> None:
+    async def _measure(self, cache: PodsCache, job: JobState) -> None:
         """Return what the pods of a Job took, each time that twice as many have ended."""
         ended = job.size - job.left
-        before, _ = known.samples.get(job.name, (0, []))
+        before, _ = cache.samples.get(job.name, (0, []))
         if job.role != "shard" or ended < max(1, 2 * before) or before >= MEASURED:
             return
         over = self.pods_of(job, fieldSelector=_ENDED)
         read = [sample_of(pod) async for pod in _first(over)]
         found = [sample for sample in read if sample is not None]
-        known.samples[job.name] = (ended, found[: 2 * MEASURED])
+        cache.samples[job.name] = (ended, found[: 2 * MEASURED])
 
-    async def _final(self, known: PodsCache, job: JobState) -> None:
+    async def _final(self, cache: PodsCache, job: JobState) -> None:
         """Return termination messages of ended Jobs: what they found, or why they failed."""
-        if job.role == "finish" and job.finished == "Complete" and job.name not in known.finals:
+        if job.role == "finish" and job.finished == "Complete" and job.name not in cache.finals:
             final = final_of([pod async for pod in self.pods_of(job)])
             if final is not None:
-                known.finals[job.name] = final
-        if job.role == "propose" and job.finished == "Complete" and job.name not in known.proposals:
-            said = proposed_of([pod async for pod in self.pods_of(job)])
-            if isinstance(said, Proposed):
-                known.proposals[job.name] = said
+                cache.finals[job.name] = final
+        if job.role == "propose" and job.finished == "Complete" and job.name not in cache.proposals:
+            proposed = proposed_of([pod async for pod in self.pods_of(job)])
+            if isinstance(proposed, Proposed):
+                cache.proposals[job.name] = proposed
         if job.finished != "Failed" or job.reason not in GIVEN_UP:
             return
-        if job.uid not in known.given_up:
+        if job.uid not in cache.given_up:
             pods = [pod async for pod in self.pods_of(job)]
             found = trouble_of(pods) or Trouble(
                 job.reason,
                 f"Job {job.name} failed{after_colon(job.message)}. Inspect the Job with `kubectl "
                 f"describe job -n {job.namespace} {job.name}`.",
             )
-            known.given_up[job.uid] = Trouble(found.reason, found.message, final=True)
-        told = known.given_up[job.uid]
+            cache.given_up[job.uid] = Trouble(found.reason, found.message, final=True)
+        trouble = cache.given_up[job.uid]
         if job.role in {"shard", "propose"}:
-            known.trouble = told
+            cache.trouble = trouble
         elif job.role != "process":  # without tables a campaign is complete all the same
-            known.deadly = replace(told, final=False)
+            cache.deadly = replace(trouble, final=False)
 
     async def _stalled(
-        self, accepted: Accepted, known: PodsCache, jobs: Mapping[str, JobState]
+        self, accepted: Accepted, cache: PodsCache, jobs: Mapping[str, JobState]
     ) -> float | None:
         """Find out why the campaign makes no progress; return when to look again [s]."""
         waiting = [job for job in jobs.values() if job.open and not job.suspended]
-        if not waiting or accepted.spec.suspend or (known.trouble and known.trouble.final):
+        if not waiting or accepted.spec.suspend or (cache.trouble and cache.trouble.final):
             return None
         at_work = any(job.ready for job in waiting if not job.elsewhere)
         limit = self._settings.stall_seconds
         # Running pods may have long runs, or die one after the other.
-        quiet, least = known.motion.still_for(), limit
+        quiet, least = cache.motion.still_for(), limit
         if at_work:
-            quiet, least = known.motion.fruitless_for(), PATIENCE * limit
+            quiet, least = cache.motion.fruitless_for(), PATIENCE * limit
         pause = min(300.0, max(limit, quiet / 2))
         wait = least - quiet
-        if at_work or known.diagnosed > known.motion.moved:
-            wait = max(wait, known.diagnosed + pause - time.monotonic())
+        if at_work or cache.diagnosed > cache.motion.moved:
+            wait = max(wait, cache.diagnosed + pause - time.monotonic())
         if wait > 0:
             return wait
-        known.diagnosed = time.monotonic()
+        cache.diagnosed = time.monotonic()
         found: Trouble | None = None
         for job in waiting:
-            found = found or await self._look_at_pods(known, job, at_work=at_work)
-        known.trouble = found
+            found = found or await self._look_at_pods(cache, job, at_work=at_work)
+        cache.trouble = found
         if found and found.deadly:
-            known.deadly = found
-        elif at_work and known.motion.still_for() > RECOVERY.total_seconds():
-            known.deadly = None
+            cache.deadly = found
+        elif at_work and cache.motion.still_for() > RECOVERY.total_seconds():
+            cache.deadly = None
         return pause
 
     async def _look_at_pods(
-        self, known: PodsCache, job: JobState, *, at_work: bool
+        self, cache: PodsCache, job: JobState, *, at_work: bool
     ) -> Trouble | None:
         """Find in pods and Events why a Job makes no progress."""
         if job.elsewhere:
             if await self._queues.is_let_in_here(job):
-                known.stuck.add(job.name)
+                cache.stuck.add(job.name)
             return unseen_cause(job, *await self._queues.worker(job))
         phase = _FAILED if at_work else "status.phase!=Succeeded"
         seen = [pod async for pod in _first(self.pods_of(job, fieldSelector=phase))]
         if any(is_stuck(pod, now()) for pod in seen):
-            known.stuck.add(job.name)
+            cache.stuck.add(job.name)
         silence = self._settings.silence_minutes * 60
         found = cause_of(seen, job, now(), silence, at_work=at_work)
         pending = [pod for pod in seen if pod["status"].get("phase") == "Pending"]
@@ -288,23 +288,23 @@ class Diagnosis:
         )
 
 
-def _reports(known: PodsCache, jobs: Mapping[str, JobState]) -> dict[str, Mapping[int, Report]]:
+def _reports(cache: PodsCache, jobs: Mapping[str, JobState]) -> dict[str, Mapping[int, Report]]:
     """Return the reports of a campaign's pods; reports that were read later take precedence."""
-    stored = {n: known.judged[j.uid].reports for n, j in jobs.items() if j.uid in known.judged}
-    read = {name: reports for name, (_, reports) in known.reports.items()}
+    stored = {n: cache.judged[j.uid].reports for n, j in jobs.items() if j.uid in cache.judged}
+    read = {name: reports for name, (_, reports) in cache.reports.items()}
     return {name: {**stored.get(name, {}), **read.get(name, {})} for name in {*stored, *read}}
 
 
-def _has_success(known: PodsCache, jobs: Mapping[str, JobState]) -> bool:
+def _has_success(cache: PodsCache, jobs: Mapping[str, JobState]) -> bool:
     """Return whether more indexes are complete, or more verdicts exist, than at the last call."""
-    before, reports = known.successes, _reports(known, jobs)
-    known.successes = {
+    before, reports = cache.successes, _reports(cache, jobs)
+    cache.successes = {
         job.uid: count(ranges(job.completed, job.size))
         + (job.finished == "Complete")
         + sum(report.settled > 0 for report in reports.get(name, {}).values())
         for name, job in jobs.items()
     }
-    return any(number > before.get(uid, 0) for uid, number in known.successes.items())
+    return any(number > before.get(uid, 0) for uid, number in cache.successes.items())
 
 
 async def _first(objects: AsyncIterator[Object]) -> AsyncIterator[Object]:

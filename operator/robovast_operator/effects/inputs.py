@@ -68,7 +68,7 @@ class Inputs:
         """
         Args:
             api: the API server.
-            store: what is known of its objects.
+            store: the objects in memory.
             settings: of the installation.
             again: schedules a Campaign.
         """
@@ -79,30 +79,30 @@ class Inputs:
         self._apart = Apart()
         self._needs = Needs(api)
 
-    async def accepted(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
+    async def accepted(self, obj: Object, cache: InputsCache) -> Accepted | Rejected:
         """Check the Campaign in this process as far as possible, once for each change of the spec.
 
         Raises:
             NotYetError: another process checks it; the Campaign is scheduled when that has ended.
         """
         mark = str(obj["metadata"]["generation"])
-        if known.accepted is None or known.accepted_for != mark:
-            accepted = _too_large(obj) or await self._checked(obj, known)
+        if cache.accepted is None or cache.accepted_for != mark:
+            accepted = _too_large(obj) or await self._checked(obj, cache)
             if isinstance(accepted, Accepted):
-                planned = await self._where(accepted.identity, known)
+                planned = await self._where(accepted.identity, cache)
                 other = source_changed(planned, accepted)
-                missing = other or await self._missing(accepted, known)
+                missing = other or await self._missing(accepted, cache)
                 if missing is not None:
                     return missing
                 accepted = replace(accepted, planned=planned)
             elif accepted.reason in UNWATCHED:
                 return accepted
-            known.accepted, known.accepted_for = accepted, mark
-            source = known.asked.source if known.asked is not None else None
-            known.source, known.asked = None if known.files_made else source, None
-        return known.accepted
+            cache.accepted, cache.accepted_for = accepted, mark
+            source = cache.asked.source if cache.asked is not None else None
+            cache.source, cache.asked = None if cache.files_made else source, None
+        return cache.accepted
 
-    async def _checked(self, obj: Object, known: InputsCache) -> Accepted | Rejected:
+    async def _checked(self, obj: Object, cache: InputsCache) -> Accepted | Rejected:
         """Return the result of another process that checks the Campaign and its files.
 
         Raises:
@@ -112,30 +112,30 @@ class Inputs:
         if isinstance(source, Rejected):
             return source
         mark = obj["metadata"]["generation"], metadata(source or {}).get("resourceVersion")
-        if known.asked is None or known.asked.mark != mark:
-            if known.asked is not None:
-                known.asked.answer.cancel()
+        if cache.asked is None or cache.asked.mark != mark:
+            if cache.asked is not None:
+                cache.asked.answer.cancel()
             who = Identity.of(obj).key
             answer = self._apart.submit(who, accept, obj, _files(obj, source), self._settings)
             answer.add_done_callback(lambda _: self._again(who))
-            known.asked = Asked(mark, source, answer)
-        if not known.asked.answer.done():
+            cache.asked = Asked(mark, source, answer)
+        if not cache.asked.answer.done():
             raise NotYetError
         try:
-            return known.asked.answer.result()
+            return cache.asked.answer.result()
         except InputError as error:
             return Rejected(TOO_LARGE, str(error))
         except Exception:
-            known.asked = None  # to be asked for again
+            cache.asked = None  # to be asked for again
             raise
 
-    async def _missing(self, accepted: Accepted, known: InputsCache) -> Rejected | None:
+    async def _missing(self, accepted: Accepted, cache: InputsCache) -> Rejected | None:
         """Return the rejection if the document needs a missing object; None if runs are planned."""
-        if await self._load_revisions(accepted.identity, known):
+        if await self._load_revisions(accepted.identity, cache):
             return None
         return await self._needs.missing(accepted)
 
-    async def begun(self, obj: Object, known: InputsCache) -> Begun | Rejected:
+    async def begun(self, obj: Object, cache: InputsCache) -> Begun | Rejected:
         """Return a Campaign and the plan of its results, also if its inputs are deleted.
 
         Without a plan its status names the bucket. Others may have written that, so the bucket
@@ -146,20 +146,20 @@ class Inputs:
             return accepted
         without = accepted.spec.model_copy(update={"source": Source()})
         accepted = replace(accepted, spec=without)
-        planned = await self._where(accepted.identity, known)
+        planned = await self._where(accepted.identity, cache)
         if planned is not None:
             return accepted, planned
         plan, status = campaign_plan(accepted, None, ()), obj.get("status") or {}
         return accepted, plan.model_copy(update={"bucket": status.get("bucket") or plan.bucket})
 
     async def as_planned(
-        self, obj: Object, known: InputsCache
+        self, obj: Object, cache: InputsCache
     ) -> tuple[Accepted, Sequence[Revision]] | None:
         """Return A Campaign with the document that was planned; None if no run was planned.
 
-        Its runs continue, whatever its spec says since then.
+        The runs continue, also if the spec has changed since then.
         """
-        revisions = await self._load_revisions(Identity.of(obj), known)
+        revisions = await self._load_revisions(Identity.of(obj), cache)
         if not revisions:
             return None
         spec = {**obj["spec"], "vast": parse_yaml(revisions[0].document)}
@@ -171,7 +171,7 @@ class Inputs:
         try:
             source = CampaignSpec.model_validate(obj["spec"]).source.config_map
         except ValueError:
-            return None  # checking the spec says what is wrong
+            return None  # the check of the spec reports the error
         if source is None:
             return None
         identity = Identity.of(obj)
@@ -203,9 +203,9 @@ class Inputs:
                 return None
             raise
 
-    async def planned(self, accepted: Accepted, known: InputsCache) -> Accepted | None:
+    async def planned(self, accepted: Accepted, cache: InputsCache) -> Accepted | None:
         """Return the campaign with the result of the compose Job; None without a result."""
-        revisions = await self._load_revisions(accepted.identity, known)
+        revisions = await self._load_revisions(accepted.identity, cache)
         if not revisions:
             return None
         first = revisions[0]
@@ -213,38 +213,38 @@ class Inputs:
         return replace(accepted, entries=entries, composed=first.composed)
 
     @staticmethod
-    def is_as_planned(obj: Object, accepted: Accepted, first: Revision, known: InputsCache) -> bool:
+    def is_as_planned(obj: Object, accepted: Accepted, first: Revision, cache: InputsCache) -> bool:
         """Return whether the document is the planned one; parse each change once."""
         generation = obj["metadata"]["generation"]
-        if known.generation_as_planned != generation:
+        if cache.generation_as_planned != generation:
             if not same_document(first.document, accepted.spec.vast):
                 return False
-            known.generation_as_planned = generation
+            cache.generation_as_planned = generation
         return True
 
     async def prepare_composing(self, accepted: Accepted, plan: str) -> None:
         """Create the ConfigMaps that the compose Job mounts."""
         await self._create_plan(accepted, Revision(-1, plan, NO_PLAN), ())
 
-    async def make_files(self, accepted: Accepted, known: InputsCache) -> bool:
+    async def make_files(self, accepted: Accepted, cache: InputsCache) -> bool:
         """Copy the input files into an immutable ConfigMap that pods mount.
 
         Returns:
             False when another replica was faster: its copy of a ConfigMap may be of another moment.
         """
         identity = accepted.identity
-        if known.files_made:
+        if cache.files_made:
             return True
-        config_map = files_config_map(accepted, known.source)
+        config_map = files_config_map(accepted, cache.source)
         made = config_map is None or bool(
             await self._api.create(paths.config_maps(identity.namespace), config_map)
         )
-        known.files_made, source = True, known.source
-        known.source = None
+        cache.files_made, source = True, cache.source
+        cache.source = None
         is_copy = source is not None and metadata(source).get("name") == identity.files
         if made or source is None or is_copy:
             return True
-        known.forget()
+        cache.forget()
         return False
 
     async def make_configurations(self, accepted: Accepted) -> None:
@@ -265,7 +265,7 @@ class Inputs:
         if made is not None:
             self._store.put_configuration(made)
 
-    async def additions(self, obj: Object, accepted: Accepted, known: InputsCache) -> Additions:
+    async def additions(self, obj: Object, accepted: Accepted, cache: InputsCache) -> Additions:
         """Return what the Configurations applied by hand add; computed once for each change."""
         identity = accepted.identity
         added = [
@@ -276,60 +276,60 @@ class Inputs:
         if not added:
             return Additions()
         each = ((item["metadata"]["uid"], item["metadata"].get("generation")) for item in added)
-        revisions = await self._load_revisions(identity, known)
+        revisions = await self._load_revisions(identity, cache)
         mark = (obj["metadata"]["generation"], revisions[-1].number if revisions else -1, *each)
-        if known.additions is None or known.additions_for != mark:
-            _keep_answers(known)
+        if cache.additions is None or cache.additions_for != mark:
+            _keep_answers(cache)
             planned = Planned.of_revisions(revisions)
             found = await asyncio.to_thread(
-                with_additions, obj, accepted, added, known.expanded, planned
+                with_additions, obj, accepted, added, cache.expanded, planned
             )
             source = await self._source(obj) if found.unknown else None
             if isinstance(source, Rejected):
                 found = found.without_unknown(source.message)
             else:
-                self._expand(obj, found.unknown, _files(obj, source), known)
+                self._expand(obj, found.unknown, _files(obj, source), cache)
             whole = not (found.unknown or isinstance(source, Rejected))
-            known.additions, known.additions_for = found, mark if whole else ()
-        return known.additions
+            cache.additions, cache.additions_for = found, mark if whole else ()
+        return cache.additions
 
     def _expand(
-        self, obj: Object, items: Mapping[str, Object], files: Files | None, known: InputsCache
+        self, obj: Object, items: Mapping[str, Object], files: Files | None, cache: InputsCache
     ) -> None:
         """Expand Configurations in other processes; schedule the Campaign after each expansion."""
         key = Identity.of(obj).key
-        for mark, future in list(known.expanding.items()):
+        for mark, future in list(cache.expanding.items()):
             if mark not in items:
                 future.cancel()
-                del known.expanding[mark]
+                del cache.expanding[mark]
         for mark, item in items.items():
-            if mark not in known.expanding:
+            if mark not in cache.expanding:
                 who = (*key, item["metadata"]["name"])
                 future = self._apart.submit(who, expand_alone, obj, item, files, self._settings)
                 future.add_done_callback(lambda _: self._again(key))
-                known.expanding[mark] = future
+                cache.expanding[mark] = future
 
     async def revisions(
-        self, accepted: Accepted, additions: Additions, known: InputsCache
+        self, accepted: Accepted, additions: Additions, cache: InputsCache
     ) -> Sequence[Revision]:
         """Return the campaign's plans; create a new plan if more runs are requested."""
-        revisions = await self._load_revisions(accepted.identity, known)
+        revisions = await self._load_revisions(accepted.identity, cache)
         name = accepted.identity.child(f"plan-{revisions[-1].number + 1 if revisions else 0}")
         new = next_revision(accepted, revisions, additions.found, name)
         if new is None:
             return revisions
-        await self.append(accepted, new, known)
-        return await self.revisions(accepted, additions, known)
+        await self.append(accepted, new, cache)
+        return await self.revisions(accepted, additions, cache)
 
-    async def append(self, accepted: Accepted, new: Revision, known: InputsCache) -> None:
+    async def append(self, accepted: Accepted, new: Revision, cache: InputsCache) -> None:
         """Create a further plan, unless another replica was faster."""
-        revisions = await self._load_revisions(accepted.identity, known)
+        revisions = await self._load_revisions(accepted.identity, cache)
         if await self._create_plan(as_planned(accepted, new), new, new.entries):
             revisions.append(new)
         else:
-            await self._read_theirs(accepted.identity, new.number, new.config_map, known)
+            await self._read_theirs(accepted.identity, new.number, new.config_map, cache)
 
-    async def remove_plan(self, identity: Identity, name: str, known: InputsCache) -> None:
+    async def remove_plan(self, identity: Identity, name: str, cache: InputsCache) -> None:
         """Delete a plan that is no longer read; an older chart does not grant this permission."""
         path = f"{paths.config_maps(identity.namespace)}/{name}"
         try:
@@ -338,19 +338,19 @@ class Inputs:
             if not is_refusal(error):
                 raise
             LOGGER.warning("%s: the old plan cannot be removed: %s", path, error)
-        if known.revisions is not None:
-            known.revisions = [r for r in known.revisions if r.config_map != name]
+        if cache.revisions is not None:
+            cache.revisions = [r for r in cache.revisions if r.config_map != name]
 
     async def _read_theirs(
-        self, identity: Identity, number: int, name: str, known: InputsCache
+        self, identity: Identity, number: int, name: str, cache: InputsCache
     ) -> None:
         """Read the plan that another, faster replica created.
 
         Raises:
             InputError: there is none: another object has the plan's name.
         """
-        known.forget()
-        found = await self._load_revisions(identity, known)
+        cache.forget()
+        found = await self._load_revisions(identity, cache)
         if not found or found[-1].number < number:
             raise InputError(
                 f"ConfigMap {name} exists but does not belong to this campaign. Remove the "
@@ -358,16 +358,16 @@ class Inputs:
             )
 
     async def withdrawn(
-        self, accepted: Accepted, revisions: Sequence[Revision], known: InputsCache
+        self, accepted: Accepted, revisions: Sequence[Revision], cache: InputsCache
     ) -> frozenset[str]:
         """Return the deleted Configurations that had asked for runs, by uid."""
         identity = accepted.identity
         there = self._store.configurations_of(identity.key)
-        counted = {item["metadata"]["uid"] for item in there} | known.withdrawn
+        counted = {item["metadata"]["uid"] for item in there} | cache.withdrawn
         for owner in revisions[-1].owners.values():
             if owner["uid"] not in counted and await self._is_gone(identity.namespace, owner):
-                known.withdrawn.add(owner["uid"])
-        return frozenset(known.withdrawn)
+                cache.withdrawn.add(owner["uid"])
+        return frozenset(cache.withdrawn)
 
     async def _is_gone(self, namespace: str, owner: Object) -> bool:
         """Ask the server whether an object is really gone: a watch may be late."""
@@ -375,18 +375,18 @@ class Inputs:
         found = self._api.list(paths.configurations(namespace), fieldSelector=name)
         return owner["uid"] not in [item["metadata"]["uid"] async for item in found]
 
-    async def _load_revisions(self, identity: Identity, known: InputsCache) -> list[Revision]:
+    async def _load_revisions(self, identity: Identity, cache: InputsCache) -> list[Revision]:
         """Return the campaign's plans, read once."""
-        if known.revisions is None:
+        if cache.revisions is None:
             plans = await self._plans(identity)
-            known.revisions = read_revisions(plans, identity.child("plan-"))
-        return known.revisions
+            cache.revisions = read_revisions(plans, identity.child("plan-"))
+        return cache.revisions
 
-    async def _where(self, identity: Identity, known: InputsCache) -> CampaignPlan | None:
+    async def _where(self, identity: Identity, cache: InputsCache) -> CampaignPlan | None:
         """Return any existing plan: all of them name the same place for the results."""
-        if known.planned is None:
-            known.planned = any_plan(await self._plans(identity), identity.child("plan-"))
-        return known.planned
+        if cache.planned is None:
+            cache.planned = any_plan(await self._plans(identity), identity.child("plan-"))
+        return cache.planned
 
     async def _plans(self, identity: Identity) -> list[Object]:
         """Return the campaign's ConfigMaps."""
@@ -398,8 +398,8 @@ class Inputs:
         self, accepted: Accepted, revision: Revision, entries: tuple[Entry, ...]
     ) -> bool:
         plan = revision.plan if revision.number >= 0 else None
-        told = campaign_plan(accepted, plan, entries)
-        obj = plan_config_map(accepted, revision.config_map, told)
+        content = campaign_plan(accepted, plan, entries)
+        obj = plan_config_map(accepted, revision.config_map, content)
         obj["metadata"]["annotations"] = owners_note(revision)
         made = await self._api.create(paths.config_maps(accepted.identity.namespace), obj)
         return made is not None
@@ -414,19 +414,19 @@ def _too_large(obj: Object) -> Rejected | None:
     return None
 
 
-def _keep_answers(known: InputsCache) -> None:
+def _keep_answers(cache: InputsCache) -> None:
     """Keep the expansions that have arrived.
 
     Raises:
         OSError: one could not begin; it will be asked for again.
     """
-    for mark, future in list(known.expanding.items()):
+    for mark, future in list(cache.expanding.items()):
         if future.done():
-            del known.expanding[mark]
+            del cache.expanding[mark]
             try:
-                known.expanded[mark] = future.result()
+                cache.expanded[mark] = future.result()
             except InputError as error:
-                known.expanded[mark] = str(error)
+                cache.expanded[mark] = str(error)
 
 
 def _files(obj: Object, source: Object | None) -> Files | None:
@@ -444,4 +444,4 @@ def _files(obj: Object, source: Object | None) -> Files | None:
             return inline_files(obj["spec"])
         return config_map_files(source, {item.key: item.path for item in given.config_map.items})
     except ValueError:
-        return {}  # checking the spec says what is wrong
+        return {}  # the check of the spec reports the error

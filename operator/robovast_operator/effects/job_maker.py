@@ -17,7 +17,7 @@ from robovast_operator.pods.findings import Trouble
 
 
 class JobMaker:
-    """Makes Jobs; those made are known at once, as if they had been seen."""
+    """Creates Jobs, and stores them at once, before a watch reports them."""
 
     def __init__(self, api: Api, store: Store, jobs: Jobs) -> None:
         self._api = api
@@ -60,8 +60,8 @@ class JobMaker:
     async def _for_its_cluster(self, namespace: str, job: Object) -> Object | None:
         """Return the Job with its ConfigMaps inside if another cluster runs the Job.
 
-        Which that is nobody but Kueue knows: it fills `spec.managedBy` when the Job is made. None
-        when there is a Job of this name, of which the server says nothing.
+        Only Kueue knows the cluster: it sets `spec.managedBy` when the Job is created. Returns None
+        if a Job of this name exists.
         """
         asked = await self._jobs.create(job, dry_run=True)
         if asked is None or not JobState.of(asked).elsewhere:

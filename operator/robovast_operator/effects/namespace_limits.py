@@ -18,7 +18,7 @@ class NamespaceLimitsReader:
 
     def __init__(self, api: Api) -> None:
         self._api = api
-        self._known: dict[str, tuple[float, NamespaceLimits]] = {}
+        self._cache: dict[str, tuple[float, NamespaceLimits]] = {}
 
     async def read(self, namespace: str) -> NamespaceLimits:
         """Read the limits of a namespace; limits without read permission count as absent.
@@ -26,11 +26,11 @@ class NamespaceLimitsReader:
         Raises:
             ApiError: the API server does not answer.
         """
-        read_at, limits = self._known.get(namespace, (0.0, NamespaceLimits()))
+        read_at, limits = self._cache.get(namespace, (0.0, NamespaceLimits()))
         if not read_at or time.monotonic() - read_at > KEEP_SECONDS:
             quotas = await self._list(paths.resource_quotas(namespace))
             limits = NamespaceLimits(quotas, await self._list(paths.limit_ranges(namespace)))
-            self._known[namespace] = (time.monotonic(), limits)
+            self._cache[namespace] = (time.monotonic(), limits)
         return limits
 
     async def _list(self, path: str) -> list[Object]:

@@ -1,4 +1,4 @@
-"""Looks for what runs need beside nodes, before any plan: volumes of assets, devices."""
+"""Look for what runs need in addition to nodes, before any plan: asset volumes, devices."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ class Needs:
     async def _images(self, identity: Identity, assets: list[Assets]) -> Rejected | None:
         """Create a Job with image volumes as a dry run: a server without such volumes drops them.
 
-        What else it says against that Job is told of real ones.
+        Other rejections of the Job are reported for real Jobs.
         """
         path = paths.jobs(identity.namespace)
         try:

@@ -41,12 +41,12 @@ _ALIVE = "status.phase!=Failed,status.phase!=Succeeded"
 
 
 class OwnPods:
-    """Corrects what a Job's status says of its pods, and ends pods whose work is done."""
+    """Corrects the counts in a Job's status, and stops pods whose work is done."""
 
     def __init__(self, api: Api) -> None:
         self._api = api
 
-    async def judge(self, jobs: Mapping[str, JobState], known: PodsCache) -> dict[str, JobState]:
+    async def judge(self, jobs: Mapping[str, JobState], cache: PodsCache) -> dict[str, JobState]:
         """Return Jobs with counts and ends as our own containers show them.
 
         The pods of a campaign are read by one request, and only if some are not ready, or if a
@@ -54,24 +54,24 @@ class OwnPods:
 
         Args:
             jobs: by name.
-            known: cache of the Campaign.
+            cache: of the Campaign.
         """
         uids = {job.uid for job in jobs.values()}
-        known.judged = {uid: seen for uid, seen in known.judged.items() if uid in uids}
+        cache.judged = {uid: seen for uid, seen in cache.judged.items() if uid in uids}
         waiting = [job for job in jobs.values() if _waits(job)]
         lost = [job for job in jobs.values() if _is_lost(job)]
-        foreign = any(seen.foreign for seen in known.judged.values())
-        pause = pause_of(known.motion.fruitless_for(), foreign=foreign)
-        if waiting and time.monotonic() - known.judged_at >= pause:
-            await self._look(waiting, known, fieldSelector=_ALIVE)
-            known.judged_at = time.monotonic()
-        if new := [job for job in lost if not known.judged.get(job.uid, Judged()).finished]:
-            await self._look(new, known)
-        seen = {job: known.judged.get(job.uid, Judged()) for job in (*waiting, *lost)}
-        known.foreign = any(seen[job].foreign for job in waiting)
+        foreign = any(seen.foreign for seen in cache.judged.values())
+        pause = pause_of(cache.motion.fruitless_for(), foreign=foreign)
+        if waiting and time.monotonic() - cache.judged_at >= pause:
+            await self._look(waiting, cache, fieldSelector=_ALIVE)
+            cache.judged_at = time.monotonic()
+        if new := [job for job in lost if not cache.judged.get(job.uid, Judged()).finished]:
+            await self._look(new, cache)
+        seen = {job: cache.judged.get(job.uid, Judged()) for job in (*waiting, *lost)}
+        cache.foreign = any(seen[job].foreign for job in waiting)
         return {**jobs, **{job.name: _corrected(job, seen[job]) for job in seen}}
 
-    async def _look(self, jobs: Sequence[JobState], known: PodsCache, **fields: str) -> None:
+    async def _look(self, jobs: Sequence[JobState], cache: PodsCache, **fields: str) -> None:
         """Read the pods of Jobs."""
         pods: dict[str, list[Object]] = {job.uid: [] for job in jobs}
         selector = f"{_UID} in ({','.join(pods)})"
@@ -81,8 +81,8 @@ class OwnPods:
             if len(found) < MOST:
                 found.append(pod)
         for job in jobs:
-            before = known.judged.get(job.uid, Judged())
-            known.judged[job.uid] = await self._judged(job, pods[job.uid], before)
+            before = cache.judged.get(job.uid, Judged())
+            cache.judged[job.uid] = await self._judged(job, pods[job.uid], before)
 
     async def _judged(self, job: JobState, pods: Sequence[Object], before: Judged) -> Judged:
         """Return the findings of a Job's pods; stop pods whose work is done."""
@@ -121,7 +121,7 @@ def pause_of(fruitless: float, *, foreign: bool) -> float:
 
     Args:
         fruitless: for how long no job has ended [s].
-        foreign: whether pods are known to have containers that are not ours.
+        foreign: whether a pod was found that has foreign containers.
     """
     if foreign:
         return LOOK_SECONDS

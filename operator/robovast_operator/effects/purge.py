@@ -1,4 +1,4 @@
-"""Deletes a campaign's bucket together with the Campaign, if its spec says so."""
+"""Delete a campaign's bucket together with the Campaign, if the spec requests that."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Purge:
         others = [name for name in obj["metadata"]["finalizers"] if name != FINALIZER]
         if isinstance(begun, Rejected):
             if (obj.get("status") or {}).get("bucket"):
-                await self._tell_that_it_waits(obj, begun.message)
+                await self._report_waiting(obj, begun.message)
                 return 300.0
             await self._set(obj, others)  # it never had a bucket
             return None
@@ -73,13 +73,13 @@ class Purge:
             await self._set(obj, others)
             return None
         if job is not None and job.finished:
-            await self._tell_that_it_waits(obj, await self._cause(job))
+            await self._report_waiting(obj, await self._cause(job))
             return 300.0
         if await self._end_others(jobs, name):
-            return 2.0  # what still stores results would make the bucket anew
+            return 2.0  # pods that still store results would create the bucket again
         plan = accepted.identity.child("plan-purge")
-        told = plan_config_map(accepted, plan, where)
-        await self._api.create(paths.config_maps(told["metadata"]["namespace"]), told)
+        config_map = plan_config_map(accepted, plan, where)
+        await self._api.create(paths.config_maps(config_map["metadata"]["namespace"]), config_map)
         if job is None:
             made = task_job(accepted, self._settings, "purge", name, plan)
             await self._jobs.create(made)
@@ -107,7 +107,7 @@ class Purge:
         why = found.message if found is not None else job.message
         return f"{clause(why)}. To try again, run `kubectl delete job {job.name}`."
 
-    async def _tell_that_it_waits(self, obj: Object, why: str) -> None:
+    async def _report_waiting(self, obj: Object, why: str) -> None:
         """Report by an Event why no Job can remove the bucket."""
         text = sentence(f"The bucket and the Campaign cannot be deleted: {why}")
         message = Message("Warning", "DeletionIncomplete", text, why)

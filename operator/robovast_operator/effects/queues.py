@@ -49,12 +49,12 @@ class Queues:
         self._answers: dict[str, tuple[float, Object | None]] = {}
 
     async def findings(
-        self, known: QueueCache, motion: Motion, jobs: Mapping[str, JobState], *, suspended: bool
+        self, cache: QueueCache, motion: Motion, jobs: Mapping[str, JobState], *, suspended: bool
     ) -> QueueFindings:
         """Return why a campaign waits in a queue; Kueue is asked when that is due.
 
         Args:
-            known: of the campaign.
+            cache: of the campaign.
             motion: of its Jobs.
             jobs: its Jobs.
             suspended: whether it is not to run now.
@@ -62,32 +62,32 @@ class Queues:
         stalled = motion.still_for() > self._settings.stall_seconds
         held = [job for job in jobs.values() if _is_held(job, stalled=stalled)]
         if suspended:
-            again = self._until_parked(known, held, stalled=stalled)
+            again = self._until_parked(cache, held, stalled=stalled)
         elif held:
-            again = await self._learn(known, held[0], stalled=stalled)
+            again = await self._learn(cache, held[0], stalled=stalled)
         else:
-            known.waiting, known.job, again = None, (), None
-        return QueueFindings(known.waiting, frozenset(known.parked), again)
+            cache.waiting, cache.job, again = None, (), None
+        return QueueFindings(cache.waiting, frozenset(cache.parked), again)
 
     @staticmethod
-    def _until_parked(known: QueueCache, held: list[JobState], *, stalled: bool) -> float | None:
-        known.waiting = None
-        if all(job.name in known.parked for job in held):
+    def _until_parked(cache: QueueCache, held: list[JobState], *, stalled: bool) -> float | None:
+        cache.waiting = None
+        if all(job.name in cache.parked for job in held):
             return None
         return LOOK_SECONDS if stalled else FIRST_SECONDS  # Kueue has not seen it yet
 
-    async def _learn(self, known: QueueCache, job: JobState, *, stalled: bool) -> float:
+    async def _learn(self, cache: QueueCache, job: JobState, *, stalled: bool) -> float:
         """Ask about a waiting Job, unless that was just done; return when to ask again [s]."""
         moment = time.monotonic()
-        if known.job != (job.uid, job.parallelism):
-            known.job, known.since = (job.uid, job.parallelism), moment
-        elif known.looked + _pause(known) > moment:
-            return known.looked + _pause(known) - moment
-        known.waiting = await self._look(job, known.waiting, stalled=stalled)
-        known.looked = moment
-        if known.waiting is not None and known.waiting.parked:
-            known.parked.add(job.name)
-        return _pause(known)
+        if cache.job != (job.uid, job.parallelism):
+            cache.job, cache.since = (job.uid, job.parallelism), moment
+        elif cache.looked + _pause(cache) > moment:
+            return cache.looked + _pause(cache) - moment
+        cache.waiting = await self._look(job, cache.waiting, stalled=stalled)
+        cache.looked = moment
+        if cache.waiting is not None and cache.waiting.parked:
+            cache.parked.add(job.name)
+        return _pause(cache)
 
     async def _look(
         self, job: JobState, before: Waiting | None, *, stalled: bool
@@ -101,9 +101,9 @@ class Queues:
         place = await self._place(job)
         if place is None:
             return found
-        known = before and before.place
-        if known and known.summary == place.summary:
-            place = known  # a start that is expected a moment earlier or later is no news
+        cache = before and before.place
+        if cache and cache.summary == place.summary:
+            place = cache  # a start that is expected a moment earlier or later is no news
         message = f"The campaign waits in queue {job.queue}, position {place.summary}."
         return replace(found, message=message, place=place)
 
@@ -128,8 +128,8 @@ class Queues:
 
     async def _running(self, waiting: JobState) -> list[JobState]:
         """Return the stored Jobs that have quota of the same ClusterQueue."""
-        known = [job for jobs in self._store.jobs.values() for job in jobs.values()]
-        busy = [job for job in known if job.queue and job.open and not job.suspended]
+        cache = [job for jobs in self._store.jobs.values() for job in jobs.values()]
+        busy = [job for job in cache if job.queue and job.open and not job.suspended]
         queue = await self._cluster_queue(waiting)
         return [job for job in busy if await self._cluster_queue(job) == queue]
 
@@ -159,10 +159,10 @@ class Queues:
         self._answers = {**young, path: (moment, answer)}
         return answer
 
-    async def park(self, job: JobState, known: QueueCache, *, parked: bool) -> bool:
+    async def park(self, job: JobState, cache: QueueCache, *, parked: bool) -> bool:
         """Remove a Job from its queue, or return the Job; False if Kueue does not manage the Job.
 
-        What somebody else took out stays out.
+        A Job that a user removed from its queue stays removed.
         """
         workload = await self._workload(job)
         if workload is None:
@@ -174,8 +174,8 @@ class Queues:
             name = workload["metadata"]["name"]
             path = f"{paths.workloads(version, job.namespace)}/{name}"
             await self._api.patch(path, {**mark, "spec": {"active": not parked}})
-        (known.parked.add if parked else known.parked.discard)(job.name)
-        known.job = ()
+        (cache.parked.add if parked else cache.parked.discard)(job.name)
+        cache.job = ()
         return True
 
     async def worker(self, job: JobState) -> tuple[str, Object | None]:
@@ -218,10 +218,10 @@ def _is_held(job: JobState, *, stalled: bool) -> bool:
     return bool(job.queue) or stalled
 
 
-def _pause(known: QueueCache) -> float:
-    waiting = known.waiting
+def _pause(cache: QueueCache) -> float:
+    waiting = cache.waiting
     clear = waiting is not None and (waiting.helpless or waiting.place is not None)
-    new = time.monotonic() - known.since < LOOK_SECONDS
+    new = time.monotonic() - cache.since < LOOK_SECONDS
     return FIRST_SECONDS if new and not clear else LOOK_SECONDS
 
 

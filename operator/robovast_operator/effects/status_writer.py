@@ -66,7 +66,7 @@ class Statuses:
         """
         Args:
             api: the API server.
-            store: the known objects.
+            store: the objects in memory.
             queue: where a campaign whose write is put off is added again.
             settings: of the installation.
             notifier: decides which notices are sent.
@@ -131,14 +131,14 @@ class Statuses:
     async def failing(self, obj: Object, trouble: Trouble) -> None:
         """Report why a Campaign cannot be reconciled; keep the rest of the status.
 
-        An Event says the same, since the status itself may be what is refused.
+        An Event has the same message, because the API server may reject the status.
         """
         old = read_status(CampaignStatus, obj["status"])
         conditions = _dated(obj, failing_conditions(trouble, old.conditions), old)
-        await self.tell(Identity.of(obj), trouble, obj["metadata"]["generation"])
+        await self.report(Identity.of(obj), trouble, obj["metadata"]["generation"])
         await self.write(obj, old.model_copy(update={"conditions": conditions}))
 
-    async def tell(self, identity: Identity, trouble: Trouble, generation: int) -> None:
+    async def report(self, identity: Identity, trouble: Trouble, generation: int) -> None:
         """Report what is wrong by an Event, once for each cause and generation."""
         message = Message("Warning", trouble.reason, trouble.message, str(generation))
         await announce(self._api, identity, message)
@@ -151,7 +151,7 @@ class Statuses:
         Args:
             obj: the Campaign.
             status: its status.
-            events: what is told beside its conditions.
+            events: in addition to the Events of conditions.
 
         Returns:
             False if the write is put off.
@@ -212,12 +212,12 @@ class Statuses:
             item
             for item in self._store.configurations_of(identity.key)
             if item["metadata"]["name"] not in unknown
-            and (ended or not (is_own(item, identity) or _is_known(item)))
+            and (ended or not (is_own(item, identity) or _is_current(item)))
         ]
         if due:
             moment = format_time(now())
-            tell = ConfigurationStatuses(revision, status, moment, additions.problems)
-            await few_at_once(self._write_configuration_status(i, tell.of(i)) for i in due)
+            statuses = ConfigurationStatuses(revision, status, moment, additions.problems)
+            await few_at_once(self._write_configuration_status(i, statuses.of(i)) for i in due)
 
     async def waiting(self, key: Key, reason: str) -> None:
         """Report in Configurations applied by hand what the Configurations wait for, once each.
@@ -231,18 +231,18 @@ class Statuses:
             (item, waiting_status(item, reason, moment))
             for item in self._store.configurations_of(key)
             if not (is_owned(item) or _is_leaving(item))
-            and (reason == NOT_FOUND or not _is_known(item))
+            and (reason == NOT_FOUND or not _is_current(item))
         ]
         await few_at_once(
-            self._write_configuration_status(item, told)
-            for item, told in waiting
-            if told is not None
+            self._write_configuration_status(item, status)
+            for item, status in waiting
+            if status is not None
         )
 
-    async def _write_configuration_status(self, item: Object, told: ConfigurationStatus) -> None:
-        if told == read_status(ConfigurationStatus, item.get("status")):
+    async def _write_configuration_status(self, item: Object, status: ConfigurationStatus) -> None:
+        if status == read_status(ConfigurationStatus, item.get("status")):
             return
-        body = compact(told.model_dump(by_alias=True, exclude_none=True))
+        body = compact(status.model_dump(by_alias=True, exclude_none=True))
         meta = item["metadata"]
         path = f"{paths.configurations(meta['namespace'])}/{meta['name']}"
         written = await self._api.apply_status(
@@ -263,7 +263,7 @@ def _dated(obj: Object, found: Sequence[Found], old: CampaignStatus) -> list[Con
     return dated(found, obj["metadata"]["generation"], format_time(now()), old.conditions)
 
 
-def _is_known(item: Object) -> bool:
+def _is_current(item: Object) -> bool:
     """Return whether a Configuration's status describes the current generation."""
     seen = (item.get("status") or {}).get("observedGeneration")
     return bool(seen == item["metadata"].get("generation"))

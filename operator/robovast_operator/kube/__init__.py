@@ -6,7 +6,7 @@ ms. Ours are, and why:
 
 - `api`: objects stay JSON, a page at a time. A page of 200 Jobs takes 4 ms so, and 49 ms as classes
   of the package, the first time 490 ms and 17 MiB. And a replica that may not lead writes nothing.
-- `lease`: the election of the package does not tell before each write whether the Lease is still
+- `lease`: the election of the package does not check before each write whether the Lease is still
   held, measures by a clock that can be set, and does not give the Lease back at the end.
 - `store` and `resync`: kopf's index keeps what was deleted while its watch was away.
 

@@ -25,8 +25,8 @@ async def announce(api: Api, identity: Identity, message: Message) -> None:
         ApiError: it is unknown whether the Event exists, or the namespace is being deleted.
     """
     try:
-        told = event(identity, message, format_time(now()))
-        await api.create(paths.events(identity.namespace), told)
+        created = event(identity, message, format_time(now()))
+        await api.create(paths.events(identity.namespace), created)
     except ApiError as error:
         if not is_refusal(error):
             raise

@@ -117,7 +117,7 @@ class Api:
         Args:
             path: of the collection.
             obj: the object.
-            dry_run: let the server only say whether it would.
+            dry_run: only check whether the server would accept the object.
         """
         query = {**_MANAGED, "dryRun": "All"} if dry_run else _MANAGED
         try:

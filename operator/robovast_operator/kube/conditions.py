@@ -27,8 +27,8 @@ def dated(
     before = {condition.type: condition for condition in old}
     made = []
     for name, status, reason, message in found:
-        known = before.get(name)
-        since = known.last_transition_time if known and known.status == status else now
+        previous = before.get(name)
+        since = previous.last_transition_time if previous and previous.status == status else now
         made.append(
             Condition(
                 type=name,

@@ -1,7 +1,7 @@
 """Kubernetes Events: one for each change of a condition that matters to people. Pure functions.
 
-An Event is made before what it tells is written, under a name that follows from the change: when
-an answer is lost, or the operator dies in between, it is made again, and is there already.
+An Event is created before the status is written, under a name that is derived from the change. So
+if an answer is lost, or the operator restarts, the repeated creation finds the existing Event.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import Condition
 from robovast_operator.kube.objects import Identity, Object
 
-_TOLD = {
+_ANNOUNCED = {
     ("Accepted", "True"): "Normal",
     ("Accepted", "False"): "Warning",
     ("Stalled", "True"): "Warning",
@@ -43,15 +43,15 @@ def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Mes
     """Generate the messages about changes from one status to the next."""
     before = {c.type: (c.status, c.reason, c.last_transition_time) for c in old}
     conditions = list(new)
-    told: set[tuple[str, str]] = set()
+    announced: set[tuple[str, str]] = set()
     for condition in conditions:
-        kind = _TOLD.get((condition.type, condition.status))
+        kind = _ANNOUNCED.get((condition.type, condition.status))
         was = before.get(condition.type, ("", "", ""))
         if kind is None or was[:2] == (condition.status, condition.reason):
             continue
-        if (condition.reason, condition.message) in told:
-            continue  # another condition says the same
-        told.add((condition.reason, condition.message))
+        if (condition.reason, condition.message) in announced:
+            continue  # another condition has the same message
+        announced.add((condition.reason, condition.message))
         change = " ".join((condition.type, condition.status, *was))
         yield Message(kind, condition.reason, condition.message or _default(condition), change)
 

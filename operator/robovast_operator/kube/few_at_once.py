@@ -12,7 +12,7 @@ AT_ONCE = 8
 async def few_at_once(acts: Iterable[Coroutine[Any, Any, None]]) -> None:
     """Run acts concurrently, a few at a time.
 
-    After a failure the worker that met it takes no more, the others go on. The first failure is
+    After a failure the worker that met it stops, and the others continue. The first failure is
     raised when all have ended.
 
     Args:

@@ -9,7 +9,7 @@ Users may write Leases in their own namespaces. So the Lease of another installa
 the API server confirms that the operator's ServiceAccount in its namespace may write the status of
 Campaigns where both work: users cannot grant that right.
 
-Not `kubernetes.aio.leaderelection`: whoever leads there cannot tell before a write whether it does.
+Not `kubernetes.aio.leaderelection`: its leader cannot check before a write whether it still leads.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ ATTEMPTS = 15
 
 
 class Leadership:
-    """Holds the Lease as long as it can; `leading` tells whether it does."""
+    """Holds the Lease as long as possible; `leading` shows whether it does."""
 
     def __init__(self, api: Api, settings: Settings) -> None:
         self._api = api
@@ -181,12 +181,15 @@ class Leadership:
         """Write this replica into the Lease; return False if another replica was faster."""
         mine = self._is_mine(lease)
         meta: Object = {"name": NAME, "namespace": self._settings.lease_namespace}
-        known = mapping(mapping(lease).get("metadata")) or meta
+        previous = mapping(mapping(lease).get("metadata")) or meta
         scope = {SCOPE: ",".join(self._settings.namespaces)}
         made: Object = {
             "apiVersion": "coordination.k8s.io/v1",
             "kind": "Lease",
-            "metadata": {**known, "annotations": {**mapping(known.get("annotations")), **scope}},
+            "metadata": {
+                **previous,
+                "annotations": {**mapping(previous.get("annotations")), **scope},
+            },
             "spec": self._claimed(mapping(mapping(lease).get("spec"))),
         }
         if lease is None:
@@ -229,9 +232,9 @@ class Leadership:
         """
         space, spec = str(lease["metadata"]["namespace"]), mapping(lease.get("spec"))
         read = (spec.get("holderIdentity"), spec.get("renewTime"))
-        known, since = self._read_first.get(space, (None, -inf))
-        if read != known:
-            since = time.monotonic() if read[0] or known is not None else -inf
+        previous, since = self._read_first.get(space, (None, -inf))
+        if read != previous:
+            since = time.monotonic() if read[0] or previous is not None else -inf
             self._read_first[space] = (read, since)
         longest = max(LONGEST, self._settings.lease_seconds)
         duration = min(number(spec.get("leaseDurationSeconds")) or 1, longest)
@@ -261,8 +264,8 @@ class Leadership:
     async def _is_operator(self, space: str, common: str) -> bool:
         """Return whether the ServiceAccount of an installation may manage a namespace, or all."""
         key = (space, common)
-        known = self._confirmed.get(key)
-        if known is None or time.monotonic() - known[1] > CONFIRMED_SECONDS:
+        previous = self._confirmed.get(key)
+        if previous is None or time.monotonic() - previous[1] > CONFIRMED_SECONDS:
             review: Object = {
                 "apiVersion": "authorization.k8s.io/v1",
                 "kind": "SubjectAccessReview",
@@ -281,8 +284,8 @@ class Leadership:
             allowed = mapping(mapping(answer).get("status")).get("allowed") is True
             while len(self._confirmed) >= CONFIRMED:
                 del self._confirmed[next(iter(self._confirmed))]
-            known = self._confirmed[key] = (allowed, time.monotonic())
-        return known[0]
+            previous = self._confirmed[key] = (allowed, time.monotonic())
+        return previous[0]
 
     def _explain(self, error: ApiError | OSError) -> str:
         """Explain why the Lease cannot be claimed, and what to do."""

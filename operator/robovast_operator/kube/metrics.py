@@ -83,7 +83,7 @@ class Metrics:
         )
         self._stalled = Gauge(
             "robovast_campaigns_stalled",
-            "Campaigns that cannot go on without help: condition Stalled.",
+            "Stalled campaigns (condition Stalled).",
             registry=self._registry,
         )
         self._event_age = Gauge(

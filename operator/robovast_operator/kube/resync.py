@@ -32,10 +32,10 @@ class Kind:
     name: str
     path: Callable[[str | None], str]
     """Of the collection in a namespace, or in all."""
-    known: Callable[[], Iterator[tuple[Id, str]]]
-    """Returns the known objects with their resource versions."""
-    knows: Callable[[Id], bool]
-    """Whether one is known now."""
+    stored: Callable[[], Iterator[tuple[Id, str]]]
+    """Return the stored objects with their resource versions."""
+    has: Callable[[Id], bool]
+    """Whether the store has an object."""
     learn: Callable[[Object], None]
     forget: Callable[[Id], None]
     selection: Mapping[str, str] = field(default_factory=dict)
@@ -52,7 +52,7 @@ class Resync:
         self._listed = asyncio.Event()
         self._misses = 0
         self.complete = asyncio.Event()
-        """Set once everything that existed at the start is known."""
+        """Set when the store has everything that existed at the start."""
         self.dead_watch = ""
         """The watch that missed changes twice in a row, if any."""
 
@@ -64,7 +64,7 @@ class Resync:
         """Load everything, then compare periodically, without end."""
         while not await self._compared():
             await asyncio.sleep(RETRY_SECONDS)
-        self._misses = 0  # no watch has told anything yet
+        self._misses = 0  # no watch has sent an event yet
         self.complete.set()
         while True:
             period = self._settings.resync_seconds * random.uniform(0.9, 1.1)  # noqa: S311
@@ -95,7 +95,7 @@ class Resync:
 
     async def _compare(self, kind: Kind) -> bool:
         """Compare one kind; return whether the watch of the kind has missed a change."""
-        before = dict(kind.known())
+        before = dict(kind.stored())
         there: set[Id] = set()
         new = False
         # Not from the server's cache: what is missing in the answer counts as deleted.
@@ -104,13 +104,13 @@ class Resync:
                 id_ = id_of(obj)
                 there.add(id_)
                 if before.get(id_) != metadata(obj).get("resourceVersion"):
-                    missed = id_ not in before and not kind.knows(id_)  # we may just have made it
+                    missed = id_ not in before and not kind.has(id_)  # we may just have made it
                     new = (self._learn(kind, obj) and missed) or new
         gone = [id_ for id_ in before if id_ not in there]
         for id_ in gone:
             kind.forget(id_)
         if gone:
-            LOGGER.info("%d %s went while no watch told of it", len(gone), kind.name)
+            LOGGER.info("%d %s were deleted without an event of a watch", len(gone), kind.name)
         return new
 
     def _learn(self, kind: Kind, obj: Object) -> bool:

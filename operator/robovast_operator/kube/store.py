@@ -32,7 +32,7 @@ QUEUE_LABEL = "kueue.x-k8s.io/queue-name"
 """Label of a Job: its LocalQueue."""
 
 _JOB_CONTROLLER = "kubernetes.io/job-controller"
-"""What `spec.managedBy` says of a Job whose pods are made where the Job is."""
+"""Value of `spec.managedBy` of a Job whose pods are in the cluster of the Job."""
 
 PRIORITY_LABEL = "kueue.x-k8s.io/priority-class"
 """Label of a Job: its WorkloadPriorityClass of Kueue."""
@@ -187,11 +187,11 @@ class Store:
     def put_configuration(self, obj: Object) -> bool:
         """Store a Configuration; return False if the store has a newer version."""
         namespace, name, _ = id_of(obj)
-        known = self.configurations.get((namespace, name))
+        stored = self.configurations.get((namespace, name))
         if not _put(self.configurations, obj):
             return False
-        if known is not None:
-            self._drop_named(known)
+        if stored is not None:
+            self._drop_named(stored)
         key = campaign_of(obj)
         if key[1]:
             self._named.setdefault(key, {})[name] = self.configurations[namespace, name]
@@ -199,10 +199,10 @@ class Store:
 
     def drop_configuration(self, id_: Id) -> Object | None:
         """Remove and return a Configuration; a successor of the same name stays."""
-        known = _drop(self.configurations, id_)
-        if known is not None:
-            self._drop_named(known)
-        return known
+        stored = _drop(self.configurations, id_)
+        if stored is not None:
+            self._drop_named(stored)
+        return stored
 
     def _drop_named(self, configuration: Object) -> None:
         key = campaign_of(configuration)
@@ -228,9 +228,9 @@ class Store:
     def put_job(self, job: JobState) -> None:
         """Store a Job; ignore a version that is older than the stored version."""
         jobs = self.jobs.setdefault(job.key, {})
-        known = jobs.get(job.name)
-        same = known is not None and known.uid == job.uid
-        if not same or known is None or _newer(job.resource_version, known.resource_version):
+        stored = jobs.get(job.name)
+        same = stored is not None and stored.uid == job.uid
+        if not same or stored is None or _newer(job.resource_version, stored.resource_version):
             jobs[job.name] = job
 
     def drop_job(self, id_: Id) -> Key | None:
@@ -254,15 +254,15 @@ class Store:
             None,
         )
 
-    def knows_campaign(self, id_: Id) -> bool:
+    def has_campaign(self, id_: Id) -> bool:
         """Return whether the store has a Campaign."""
-        return _knows(self.campaigns, id_)
+        return _has(self.campaigns, id_)
 
-    def knows_configuration(self, id_: Id) -> bool:
+    def has_configuration(self, id_: Id) -> bool:
         """Return whether the store has a Configuration."""
-        return _knows(self.configurations, id_)
+        return _has(self.configurations, id_)
 
-    def knows_job(self, id_: Id) -> bool:
+    def has_job(self, id_: Id) -> bool:
         """Return whether the store has a Job."""
         return self._campaign_of(id_) is not None
 
@@ -306,22 +306,22 @@ def campaign_of(configuration: Object) -> Key:
 def _put(objects: dict[Key, Object], given: Object) -> bool:
     obj = shaped(given)
     namespace, name, uid = id_of(obj)
-    known = objects.get((namespace, name))
-    same = known is not None and known["metadata"]["uid"] == uid
-    if known is not None and same and not _newer(_version(obj), _version(known)):
+    stored = objects.get((namespace, name))
+    same = stored is not None and stored["metadata"]["uid"] == uid
+    if stored is not None and same and not _newer(_version(obj), _version(stored)):
         return False
     obj["metadata"].pop("managedFields", None)  # a third of the object, and of no use here
     objects[namespace, name] = obj
     return True
 
 
-def _knows(objects: dict[Key, Object], id_: Id) -> bool:
-    known = objects.get(id_[:2])
-    return known is not None and id_of(known) == id_
+def _has(objects: dict[Key, Object], id_: Id) -> bool:
+    stored = objects.get(id_[:2])
+    return stored is not None and id_of(stored) == id_
 
 
 def _drop(objects: dict[Key, Object], id_: Id) -> Object | None:
-    return objects.pop(id_[:2]) if _knows(objects, id_) else None
+    return objects.pop(id_[:2]) if _has(objects, id_) else None
 
 
 def _version(obj: Object) -> str:

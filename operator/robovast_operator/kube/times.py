@@ -28,9 +28,9 @@ def hear(date: str) -> None:
         date: the header `Date` of its answer.
     """
     global _boot
-    told = parsedate(date)
-    if told is not None:
-        boot = timegm(told) - time.monotonic()
+    date_time = parsedate(date)
+    if date_time is not None:
+        boot = timegm(date_time) - time.monotonic()
         if _boot is None or abs(boot - _boot) > NEARLY:
             _boot = boot
 

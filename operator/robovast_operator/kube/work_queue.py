@@ -28,7 +28,7 @@ BUSY_DELAY = 0.05
 FIRST_DELAY = 1.0
 LONGEST_DELAY = 300.0
 REFUSED_DELAY = 30.0
-"""Longest delay after a refusal by the API server [s]: no event says when it will accept again."""
+"""Longest delay after a rejection by the API server [s], whose end no event reports."""
 
 
 @dataclass

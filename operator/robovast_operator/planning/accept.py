@@ -128,7 +128,7 @@ def _document_text(spec: CampaignSpec, identity: Identity, files: Files | None) 
             if parse_yaml(written) == spec.vast:
                 return written.decode()
         except ValueError:
-            pass  # the spec decides; the file beside it is just a file
+            pass  # the spec takes precedence over the file
     return dump_yaml(spec.vast)
 
 

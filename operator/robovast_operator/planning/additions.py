@@ -44,7 +44,7 @@ def with_additions(
     obj: Object,
     accepted: Accepted,
     added: Sequence[Object],
-    known: dict[str, Entry | str],
+    expanded: dict[str, Entry | str],
     planned: Planned,
 ) -> Additions:
     """Compute the additions of Configurations; an invalid one does not affect the others.
@@ -53,7 +53,7 @@ def with_additions(
         obj: the Campaign.
         accepted: the same, accepted.
         added: the Configurations, oldest first.
-        known: expansion or error of entries, by their content; others are removed.
+        expanded: expansion or error of entries, by content; other entries are removed.
         planned: what was planned before, which stays as it is even if Configurations change.
     """
     if not accepted.pure:
@@ -71,10 +71,10 @@ def with_additions(
     unknown: dict[str, Object] = {}
     generation = obj["metadata"]["generation"]
     marks = [json.dumps([generation, entry_name(item), item["spec"]]) for item in added]
-    for mark in known.keys() - set(marks):
-        del known[mark]
+    for mark in expanded.keys() - set(marks):
+        del expanded[mark]
     for item, mark in zip(added, marks, strict=True):
-        entry, name = planned.of(item) or known.get(mark), entry_name(item)
+        entry, name = planned.of(item) or expanded.get(mark), entry_name(item)
         if name in taken:
             entry = f"The campaign already has a configuration `{name}`. Set another spec.name."
         if entry is None:

@@ -93,8 +93,8 @@ def waiting_status(obj: Object, reason: str, now: str) -> ConfigurationStatus | 
         now: the time.
     """
     generation = obj["metadata"].get("generation", 0)
-    said = (obj.get("status") or {}).get("conditions") or ()
-    if any((c["reason"], c.get("observedGeneration")) == (reason, generation) for c in said):
+    conditions = (obj.get("status") or {}).get("conditions") or ()
+    if any((c["reason"], c.get("observedGeneration")) == (reason, generation) for c in conditions):
         return None
     old = read_status(ConfigurationStatus, obj.get("status"))
     truth: Found = ("Accepted", "Unknown", reason, WAITING[reason].format(obj["spec"]["campaign"]))
@@ -135,7 +135,7 @@ def spec_message(error: ValidationError) -> str:
     lines = []
     for problem in error.errors():
         where = ".".join(str(part) for part in ("spec", *problem["loc"]))
-        lines.append(f"{where}: {problem['msg']}")
+        lines.append(f"{where}: {problem['msg'].removeprefix('Value error, ')}")
     return "\n".join(lines)
 
 

@@ -1,4 +1,4 @@
-"""What the propose Jobs of a search say, and the plans that follow from it. Pure functions.
+"""Plans from the messages of the propose Jobs of a search. Pure functions.
 
 Users' plugins may have influenced every word.
 """
@@ -24,14 +24,14 @@ _PLAN_LIMIT = 600_000
 
 
 def grown(
-    accepted: Accepted, revisions: Sequence[Revision], said: Proposed, name: str, limit: int
+    accepted: Accepted, revisions: Sequence[Revision], proposed: Proposed, name: str, limit: int
 ) -> Revision:
     """Return the plan with the runs that a propose Job asks for.
 
     Args:
         accepted: the campaign.
         revisions: the plans so far, oldest first.
-        said: message of the Job's pod.
+        proposed: message of the Job's pod.
         name: of the new plan's ConfigMap.
         limit: most variants of a document.
 
@@ -39,53 +39,53 @@ def grown(
         ValueError: it asks for something that makes no plan.
     """
     newest = revisions[-1] if revisions else None
-    known = newest.entries[0].variants if newest else 0
+    planned = newest.entries[0].variants if newest else 0
     before = newest.plan.blocks if newest else ()
-    variants = known + said.variants
-    if not said.digest:
+    variants = planned + proposed.variants
+    if not proposed.digest:
         raise ValueError("the list of configurations has no digest")
     if variants > limit:
         raise ValueError(f"there are {variants:,} configurations, more than {limit:,}")
     keys = ("first_variant", "variants", "first_run", "runs")
-    more = [Block(**dict(zip(keys, given, strict=True))) for given in said.blocks]
+    more = [Block(**dict(zip(keys, given, strict=True))) for given in proposed.blocks]
     _check_order(before, more, variants)
-    _check_awaited(newest.plan if newest else None, more, said.awaited)
+    _check_awaited(newest.plan if newest else None, more, proposed.awaited)
     plan = PlanSpec(
         blocks=(*before, *more),
-        awaited=said.awaited,
+        awaited=proposed.awaited,
         runs_per_job=accepted.vast.execution.runs_per_start,
-        breaks=_breaks(newest.plan.breaks if newest else "", known, said),
+        breaks=_breaks(newest.plan.breaks if newest else "", planned, proposed),
     )
     if len(plan.model_dump_json()) > _PLAN_LIMIT:
         raise ValueError(f"{len(plan.blocks):,} blocks of runs are too large for a ConfigMap")
     text = newest.document if newest else accepted.document_text
     entries = (Entry(name=ENTRY, variants=variants),)
     number = newest.number + 1 if newest else 0
-    return Revision(number, name, plan, entries, {}, text, said.digest)
+    return Revision(number, name, plan, entries, {}, text, proposed.digest)
 
 
 def first_plan(
-    accepted: Accepted, said: Proposed | str | None, name: str, limit: int, reason: str
+    accepted: Accepted, proposed: Proposed | str | None, name: str, limit: int, reason: str
 ) -> Revision | Rejected:
     """Return the first plan of a search, or the rejection.
 
     Args:
         accepted: the campaign.
-        said: message of the first propose Job's pod.
+        proposed: message of the first propose Job's pod.
         name: of the plan's ConfigMap.
         limit: most variants of a document.
         reason: why the Job failed, in one word.
     """
-    if not isinstance(said, Proposed):
-        return failed_task("search", said, reason)
-    if said.stop:
+    if not isinstance(proposed, Proposed):
+        return failed_task("search", proposed, reason)
+    if proposed.stop:
         message = (
-            f"The search ended before the first run: {clause(said.stop_reason)}. Check `search` in "
-            "the .vast file."
+            f"The search ended before the first run: {clause(proposed.stop_reason)}. Check "
+            "`search` in the .vast file."
         )
         return Rejected("NothingProposed", message)
     try:
-        return grown(accepted, (), said, name, limit)
+        return grown(accepted, (), proposed, name, limit)
     except ValueError as error:
         return Rejected("InvalidPlan", no_plan(error))
 
@@ -119,9 +119,9 @@ def _check_awaited(before: PlanSpec | None, more: Sequence[Block], awaited: int 
     Raises:
         ValueError: nothing is, or what is not planned.
     """
-    known = len(before.blocks) if before else 0
+    planned = len(before.blocks) if before else 0
     ended = len(before.awaited_blocks) if before else 0
-    blocks = known + len(more)
+    blocks = planned + len(more)
     wanted = blocks if awaited is None else awaited
     if not ended <= wanted <= blocks:
         raise ValueError(f"{wanted} awaited blocks of runs are not between {ended} and {blocks}")
@@ -142,17 +142,17 @@ def _planned(blocks: Sequence[Block], wanted: Block) -> set[int]:
     return set(list(accumulate(changes))[:-1])
 
 
-def _breaks(before: str, known: int, said: Proposed) -> str:
+def _breaks(before: str, planned: int, proposed: Proposed) -> str:
     """Return the breaks of a plan with further variants, none of which is in an earlier pack.
 
     Raises:
         ValueError: they are none.
     """
-    new = clip(merge(parse_ranges(said.breaks)), 0 if known else 1, said.variants - 1)
-    return format_ranges([*parse_ranges(before), *shift(new, known)])
+    new = clip(merge(parse_ranges(proposed.breaks)), 0 if planned else 1, proposed.variants - 1)
+    return format_ranges([*parse_ranges(before), *shift(new, planned)])
 
 
-def search_status(said: Proposed, plan: str) -> SearchStatus:
+def search_status(proposed: Proposed, plan: str) -> SearchStatus:
     """Return the progress of a search, as reported by the last propose Job that read a plan."""
     names = SearchStatus.model_fields.keys() - {"plan"}
-    return SearchStatus(plan=plan, **{name: getattr(said, name) for name in names})
+    return SearchStatus(plan=plan, **{name: getattr(proposed, name) for name in names})

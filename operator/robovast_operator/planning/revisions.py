@@ -32,7 +32,7 @@ OWNERS_ANNOTATION = "robovast.io/owners"
 
 
 NO_PLAN = PlanSpec(blocks=())
-"""Revision of the compose Job, before the expansion is known."""
+"""Revision of the compose Job, before the expansion."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ def next_revision(
     Args:
         accepted: the campaign, with its entries.
         revisions: the plans so far, oldest first.
-        additions: Configurations beside the document's own.
+        additions: Configurations in addition to the document's own.
         name: of the new plan's ConfigMap.
     """
     if not revisions:
@@ -281,12 +281,12 @@ def _with_entries(newest: Revision, additions: Sequence[Addition]) -> str:
     """
     if not additions:
         return newest.document
-    known = _entries(newest)
-    names = {entry["name"] for entry in known}
+    entries = _entries(newest)
+    names = {entry["name"] for entry in entries}
     new = [addition.content for addition in additions if addition.name not in names]
     if not new:
         return newest.document
-    return dump_yaml({**_document(newest), "configuration": [*known, *new]})
+    return dump_yaml({**_document(newest), "configuration": [*entries, *new]})
 
 
 def _raise_runs(blocks: list[Block], variants: int, runs: int) -> None:

@@ -1,6 +1,6 @@
 """The next packs of a campaign whose packs are measured (`runs_per_job: auto`). Pure functions.
 
-Each round is a plan of its own that appends to the former: whoever dies, what is planned stays.
+Each round is a separate plan that appends to the last plan, so plans survive a restart.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Rounds:
     def _must_wait(self) -> bool:
         """Return whether run times are missing, but will soon be measured.
 
-        They are known from half of the first round, since short runs end first.
+        Times count after half of the first round, because short runs finish first.
         """
         rounds = self.newest.plan.rounds
         half = all(2 * job.left <= job.size for job in self.open)

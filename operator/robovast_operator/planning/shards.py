@@ -97,19 +97,19 @@ class _Part:
 
 def _parts(revisions: Sequence[Revision]) -> Iterator[tuple[Revision, _Part]]:
     """Generate what each revision appends: blocks, or rounds of what is in blocks."""
-    known = 0
+    before = 0
     for revision in revisions:
         plan = revision.plan
         bounds = list(accumulate((block.size for block in plan.blocks), initial=0))
         number = len(plan.blocks if plan.rounds is None else plan.rounds)
-        for part in range(known, number):
+        for part in range(before, number):
             if plan.rounds is None:
                 runs, size = (bounds[part], bounds[part + 1] - 1), plan.runs_per_job
                 yield revision, _Part(runs, part, size)
             else:
                 runs, size = plan.of_round(part), plan.rounds[part].size
                 yield revision, _Part(runs, bisect_right(bounds, runs[0]) - 1, size)
-        known = number
+        before = number
 
 
 def _stretches(plan: PlanSpec, runs: Span) -> Iterator[Span]:

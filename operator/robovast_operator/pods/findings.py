@@ -37,7 +37,7 @@ class Mishap:
 
 
 MISHAPS = 3
-"""Most mishaps that are told one by one."""
+"""Maximum number of mishaps with separate Events."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class PodFindings:
     finals: Mapping[str, Final] = field(default_factory=dict)
     """By finish Job: what it found."""
     proposals: Mapping[str, Proposed] = field(default_factory=dict)
-    """By propose Job: what it said."""
+    """By propose Job: its message."""
     pace: Pace | None = None
     """What starts and runs have taken, where packs are measured."""
     mishaps: Sequence[Mishap] = ()

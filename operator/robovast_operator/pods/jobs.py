@@ -32,7 +32,7 @@ from robovast_operator.pods.templates import inline_items, notify_pod, run_pod, 
 from robovast_operator.settings import Settings
 
 RETRIES_PER_INDEX = 6
-"""A pack that loses its pod goes on after its last stored run this often."""
+"""Number of times that a pack that loses its pod continues after its last stored run."""
 
 TASK_RETRIES = 20
 COMPOSE_RETRIES = 5
@@ -216,7 +216,7 @@ def sightings_config_map(identity: Identity, job: str, seen: Sightings) -> Objec
 
     Args:
         identity: of the Campaign.
-        job: uid of the Job: one that is made anew has other pods.
+        job: uid of the Job, because a Job that is created again has other pods.
         seen: what was seen.
     """
     data = {FILE: seen.dump()}

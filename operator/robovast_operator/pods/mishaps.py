@@ -28,8 +28,8 @@ def mishaps_of(pods: Iterable[Object]) -> list[Mishap]:
 
 def _mishaps(pod: Object) -> Iterator[Mishap]:
     """Generate the unsuccessful runs of a pod, and the cause of its failure."""
-    said = Verdicts.read(message_of(pod, "agent"))
-    for bad in (said.bad or ()) if said is not None else ():
+    verdicts = Verdicts.read(message_of(pod, "agent"))
+    for bad in (verdicts.bad or ()) if verdicts is not None else ():
         yield _run(bad)
     name, node = text(pod["metadata"].get("name")), text(pod["spec"].get("nodeName"), "?")
     causes = [trouble.message for trouble in troubles_of(pod)]
@@ -37,7 +37,7 @@ def _mishaps(pod: Object) -> Iterator[Mishap]:
         causes.append(f"The run needed more than {memory_limit(pod, RUN)}.")
     if causes:
         yield Mishap("PodFailed", name, one_line(f"Pod {name} on node {node} failed. {causes[0]}"))
-    elif said is None:
+    elif verdicts is None:
         code = ending_of(pod, "agent").get("exitCode")
         cause = "the pod has no agent" if code is None else f"the agent ended with exit code {code}"
         message = f"Pod {name} on node {node} failed without a report: {cause}."

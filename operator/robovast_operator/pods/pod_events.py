@@ -60,8 +60,8 @@ def problem_of_events(events: Iterable[Object], last_progress: datetime) -> tupl
         events: of the pod, or of the Job that creates pods.
         last_progress: time of the last progress; earlier Events are ignored.
     """
-    known = [event for event in events if text(event.get("reason")) in {*_CAUSES, *_STEPS}]
-    last = max(known, key=lambda event: (_time(event), event["reason"] in _STEPS), default={})
+    relevant = [event for event in events if text(event.get("reason")) in {*_CAUSES, *_STEPS}]
+    last = max(relevant, key=lambda event: (_time(event), event["reason"] in _STEPS), default={})
     reason = _CAUSES.get(text(last.get("reason")))
     if reason is None or _time(last) <= last_progress:
         return None

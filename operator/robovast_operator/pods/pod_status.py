@@ -255,8 +255,8 @@ def message_of(pod: Object, container: str) -> str:
 
 def last_message(pods: Iterable[Object], container: str) -> str:
     """Return the termination message of a container in the latest pod with one; else empty."""
-    said = {p["metadata"]["creationTimestamp"]: message_of(p, container).strip() for p in pods}
-    return next((said[at] for at in sorted(said, reverse=True) if said[at]), "")
+    messages = {p["metadata"]["creationTimestamp"]: message_of(p, container).strip() for p in pods}
+    return next((messages[at] for at in sorted(messages, reverse=True) if messages[at]), "")
 
 
 def memory_limit(pod: Object, container: str) -> str:
@@ -296,7 +296,7 @@ def index_of(pod: Object) -> int:
     return number(pod["metadata"].get("annotations", {}).get(INDEX_ANNOTATION), -1)
 
 
-def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str]:
+def last_messages(pods: Iterable[Object], container: str, indexes: str) -> list[str]:
     """Return the last termination message of some completion indexes, by index, each text once.
 
     Args:
@@ -304,12 +304,12 @@ def last_words(pods: Iterable[Object], container: str, indexes: str) -> list[str
         container: whose words.
         indexes: as ranges.
     """
-    said: dict[int, tuple[str, str]] = {}
+    messages: dict[int, tuple[str, str]] = {}
     for pod in pods:
         index = index_of(pod)
-        words = (pod["metadata"]["creationTimestamp"], message_of(pod, container).strip())
-        if words[1]:
-            said[index] = max(words, said.get(index, words))
+        message = (pod["metadata"]["creationTimestamp"], message_of(pod, container).strip())
+        if message[1]:
+            messages[index] = max(message, messages.get(index, message))
     wanted = ranges(indexes, LARGEST)
-    chosen = [i for i in sorted(said) if any(first <= i <= last for first, last in wanted)]
-    return list(dict.fromkeys(said[index][1] for index in chosen))
+    chosen = [i for i in sorted(messages) if any(first <= i <= last for first, last in wanted)]
+    return list(dict.fromkeys(messages[index][1] for index in chosen))

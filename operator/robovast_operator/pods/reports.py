@@ -35,7 +35,7 @@ _ALL_STORED = {
     AgentExit.FAILED: Report(failed=1, stored=True),
     AgentExit.ERRORED: Report(errored=1, stored=True),
 }
-"""What an agent's exit code alone says about a single run."""
+"""Reports of a single run by the exit code of the agent alone."""
 
 
 def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
@@ -57,61 +57,69 @@ def reports_of(pods: Iterable[Object]) -> dict[int, Report]:
 
 def _report(pod: Object) -> Report | None:
     """Return the verdicts in an agent's termination message; None if a verdict is uncertain."""
-    said = Verdicts.read(message_of(pod, "agent"))
-    if said is None:
+    message = Verdicts.read(message_of(pod, "agent"))
+    if message is None:
         return _ALL_STORED.get(ending_of(pod, "agent").get("exitCode", -1))
     try:
         passed, failed, errored = (
-            merge(parse_ranges(ids)) for ids in (said.passed, said.failed, said.errored)
+            merge(parse_ranges(ids)) for ids in (message.passed, message.failed, message.errored)
         )
     except ValueError:
         return None
-    counts = said.counts
-    if counts is None and not said.truncated:
+    counts = message.counts
+    if counts is None and not message.truncated:
         counts = (count(passed), count(failed), count(errored))
     if counts is None:
         return None
     listed = (tuple(failed), tuple(errored))
-    return Report(*counts, *listed, said.not_needed or 0, final=True, stored=has_verdict(pod))
+    return Report(*counts, *listed, message.not_needed or 0, final=True, stored=has_verdict(pod))
 
 
 def sample_of(pod: Object) -> Sample | None:
     """Return the times of an ended pod and of its runs; None if the message has no times."""
-    said = Verdicts.read(message_of(pod, "agent"))
+    message = Verdicts.read(message_of(pod, "agent"))
     began, ended = pod["status"].get("startTime"), ending_of(pod, "agent").get("finishedAt")
-    if said is None or said.executed is None or said.seconds is None or not (began and ended):
+    if (
+        message is None
+        or message.executed is None
+        or message.seconds is None
+        or not (began and ended)
+    ):
         return None
     seconds = (parse_time(time(ended)) - parse_time(time(began))).total_seconds()
-    return Sample(said.executed, said.seconds, max(seconds, said.seconds))
+    return Sample(message.executed, message.seconds, max(seconds, message.seconds))
 
 
 def final_of(pods: Iterable[Object]) -> Final | None:
     """Return what the finish Job's pod found in the bucket."""
-    said = (Summary.read(message_of(pod, "finish")) for pod in pods)
-    return next((_final(summary) for summary in said if summary and _is_whole(summary)), None)
+    messages = (Summary.read(message_of(pod, "finish")) for pod in pods)
+    return next((_final(summary) for summary in messages if summary and _is_whole(summary)), None)
 
 
-def _is_whole(said: Summary) -> bool:
-    return said.passed + said.failed + said.errored + (said.not_needed or 0) == said.total
+def _is_whole(message: Summary) -> bool:
+    return (
+        message.passed + message.failed + message.errored + (message.not_needed or 0)
+        == message.total
+    )
 
 
-def _final(said: Summary) -> Final:
-    stored = said.total if said.stored is None else min(said.total, said.stored)
+def _final(message: Summary) -> Final:
+    stored = message.total if message.stored is None else min(message.total, message.stored)
     return Final(
         Runs(
-            total=said.total,
-            passed=said.passed,
-            failed=said.failed,
-            errored=said.errored,
+            total=message.total,
+            passed=message.passed,
+            failed=message.failed,
+            errored=message.errored,
             stored=stored,
-            not_needed=said.not_needed or 0,
+            not_needed=message.not_needed or 0,
         ),
-        ranges(said.failed_runs, said.total),
-        ranges(said.errored_runs, said.total),
-        said.truncated,
-        said.failing[:FAILING_LIMIT],
-        *_list(said.repeat, said.failed + said.errored),
-        decisions=said.decisions or "",
+        ranges(message.failed_runs, message.total),
+        ranges(message.errored_runs, message.total),
+        message.truncated,
+        message.failing[:FAILING_LIMIT],
+        *_list(message.repeat, message.failed + message.errored),
+        decisions=message.decisions or "",
     )
 
 
@@ -155,7 +163,7 @@ Result = TypeVar("Result", Composed, Proposed)
 
 
 def _result_of(pods: Iterable[Object], command: str, kind: type[Result]) -> Result | str | None:
-    said = [message_of(pod, command) for pod in pods]
-    made = map(kind.read, said)
-    errors = filter(None, map(error_in, said))
+    messages = [message_of(pod, command) for pod in pods]
+    made = map(kind.read, messages)
+    errors = filter(None, map(error_in, messages))
     return next((found for found in made if found and found.error is None), next(errors, None))

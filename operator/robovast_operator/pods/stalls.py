@@ -72,7 +72,7 @@ def unseen_cause(job: JobState, worker: str, cluster: Object | None) -> Trouble 
     Args:
         job: the Job.
         worker: name of the cluster; empty if Kueue has chosen none.
-        cluster: what Kueue says of it, if that is known.
+        cluster: its MultiKueueCluster; None if it cannot be read.
     """
     conditions = mappings(mapping(mapping(cluster).get("status")).get("conditions"))
     state = next((c for c in conditions if c.get("type") == "Active"), {})

@@ -1,8 +1,8 @@
 """The pods of a campaign, as pure functions of it.
 
-A run's pod: `compat-version` before, then our `agent` beside the user's `robovast` container and
+A run's pod: `compat-version` first, then our `agent` next to the user's `robovast` container and
 its secondaries, which wait until it has prepared the run. Only our own containers see credentials;
-nobody sees a token.
+no container sees a token.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ DEADLINE_MARGIN = 3600
 """Beside the runs themselves: pulling images, preparing, storing [s]."""
 
 GRACE_SECONDS = 60
-"""For runs that are told to end, and for what is just being stored."""
+"""Grace period for runs that must stop, and for results that are being stored [s]."""
 
 
 def run_pod(
@@ -114,10 +114,10 @@ def task_pod(
         settings: of the installation.
         plan: name of the ConfigMap with the plan.
         command: of the agent.
-        sightings: names of the ConfigMaps that say what was seen of pods.
+        sightings: names of the ConfigMaps with the sightings of pods.
     """
     spec = _pod(accepted, settings, plan, accepted.vast.execution.kubernetes.control)
-    # Results that are worked up are all of the campaign, which nobody knows the size of.
+    # Postprocessing needs all results of the campaign, whose size cannot be determined.
     work = _volume(Mount.WORK, emptyDir={}) if command == "process" else _work(settings)
     more = []
     if sightings:
@@ -150,8 +150,8 @@ def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Obje
     spec = confined_pod(OWN_USER, GRACE_SECONDS, scheduling, architectures=settings.architectures)
     container = _own(settings, "notify", ["notify"], [Mount.RECEIVERS], settings.agent_resources)
     # Kubernetes makes one dollar of two, and replaces `$(NAME)` where there is such a variable.
-    told = order.model_dump_json().replace("$", "$$")
-    container["env"].append({"name": NOTICE_VARIABLE, "value": told})
+    text = order.model_dump_json().replace("$", "$$")
+    container["env"].append({"name": NOTICE_VARIABLE, "value": text})
     spec["containers"] = [container]
     sources = _receiver_sources(order, allowed)
     projected = {"sources": sources, "defaultMode": SECRET_MODE}

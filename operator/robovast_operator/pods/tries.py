@@ -1,8 +1,8 @@
 """Jobs that were made again under another name, which has their number. Pure functions.
 
-A task of our own ends, and its pod is gone before the operator has looked at it: a cleaner removes
-pods at once, or the cluster keeps few of them. What it found is not known, so another Job finds it
-out, each after a longer pause. The Job of a shard is made again when another cluster has not
+A task ends, and its pod is deleted before the operator has read the result: a cleaner removes pods
+at once, or the cluster keeps few of them. So another Job repeats the task, each after a longer
+pause. The Job of a shard is made again when another cluster has not
 executed all of it.
 """
 
@@ -18,8 +18,8 @@ from robovast_operator.kube.times import parse_time
 FIRST_PAUSE = timedelta(seconds=5)
 """Between the end of the first Job and the second; twice as long each further time."""
 LONGEST_PAUSE = timedelta(minutes=10)
-TOLD = 3
-"""So many Jobs end without a word before that is told."""
+LOST_JOBS = 3
+"""Number of Jobs with a lost message after which the problem is reported."""
 
 
 def number_of(name: str, task: str) -> int | None:
@@ -80,9 +80,9 @@ class Tries:
         return max(0.0, (pause - waited).total_seconds())
 
     @property
-    def told(self) -> str:
+    def problem(self) -> str:
         """Return the message about repeatedly lost messages; empty for the first few Jobs."""
-        if self.last is None or self._number < TOLD:
+        if self.last is None or self._number < LOST_JOBS:
             return ""
         return (
             f"{self._number} internal Jobs have finished, the last one is {self.last.name}, but "
@@ -93,5 +93,5 @@ class Tries:
         )
 
 
-NO_WORD = "TaskPodsLost"
-"""Reason of the condition that tells it."""
+TASK_PODS_LOST = "TaskPodsLost"
+"""Reason of the condition that reports the problem."""

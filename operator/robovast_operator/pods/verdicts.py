@@ -1,7 +1,7 @@
-"""What is known of runs, from the indexes of Jobs and the last words of pods. Pure functions.
+"""Verdicts of runs, from the indexes of Jobs and the messages of pods. Pure functions.
 
-A run has a verdict when a pod said so. An index that failed and of which no pod has spoken (it is
-not listed yet, it is gone, its words were cut) is undecided: the bucket knows, and finish tells.
+A run has a verdict when a pod has reported one. A failed index without a report (its pod is not
+listed yet, is deleted, or its message was cut) is undecided: the finish Job reads the bucket.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ class Report(Tally):
 
 def total(parts: Iterable[Tally]) -> Tally:
     """Add tallies of different runs."""
-    known = list(parts)
+    tallies = list(parts)
     return Tally(
-        sum(part.passed for part in known),
-        sum(part.failed for part in known),
-        sum(part.errored for part in known),
-        tuple(merge(span for part in known for span in part.failed_ids)),
-        tuple(merge(span for part in known for span in part.errored_ids)),
-        sum(part.not_needed for part in known),
+        sum(part.passed for part in tallies),
+        sum(part.failed for part in tallies),
+        sum(part.errored for part in tallies),
+        tuple(merge(span for part in tallies for span in part.failed_ids)),
+        tuple(merge(span for part in tallies for span in part.errored_ids)),
+        sum(part.not_needed for part in tallies),
     )
 
 
@@ -90,20 +90,20 @@ def tally_of(runs: ShardRuns, job: JobState, reports: Mapping[int, Report]) -> T
     Args:
         runs: of the shard.
         job: its Job.
-        reports: what pods of failed indexes said, by index; where not all runs are needed, also
+        reports: of the pods of failed indexes, by index; if not all runs are needed, also
             those of completed ones.
     """
     size = runs.shard.size
     failed = ranges(job.failed, size)
     completed = subtract(ranges(job.completed, size), failed)
-    spoken = merge([*failed, *completed]) if runs.plan.by_variant else failed
-    told = [
+    covered = merge([*failed, *completed]) if runs.plan.by_variant else failed
+    reported = [
         _index_tally(runs, index, report)
         for index, report in reports.items()
-        if contains(spoken, index) or (report.stored and not contains(completed, index))
+        if contains(covered, index) or (report.stored and not contains(completed, index))
     ]
     passed = 0 if runs.plan.by_variant else runs.number(completed)
-    return total([Tally(passed=passed), *told])
+    return total([Tally(passed=passed), *reported])
 
 
 def _index_tally(runs: ShardRuns, index: int, report: Report) -> Tally:

@@ -36,7 +36,7 @@ class Waiting:
     reason: str
     message: str
     helpless: bool = False
-    """Whether it waits until somebody helps."""
+    """Whether the Job waits until a user acts."""
     fits: int | None = None
     """Pods that the queue can give at once at most; None when it can give what is asked for."""
     parked: bool = False
@@ -48,14 +48,14 @@ class Waiting:
 
 @dataclass(frozen=True)
 class QueueFindings:
-    """What Kueue says of a campaign at one moment."""
+    """Findings of Kueue about a campaign at one moment."""
 
     waiting: Waiting | None = None
     """Why the oldest Job that waits is not admitted."""
     parked: frozenset[str] = frozenset()
     """Jobs that are out of their queue because the campaign was suspended."""
     again: float | None = None
-    """When to look again [s]; None when events will tell."""
+    """When to look again [s]; None if an event will follow."""
 
 
 def waiting_of(workload: Object, job: JobState) -> Waiting | None:
@@ -142,7 +142,7 @@ def _inactive(workload: Object, job: JobState, conditions: Mapping[str, Object])
 def _is_for_others(workload: Object) -> bool:
     """Return whether MultiKueue rejects a Workload because its Job is for this cluster.
 
-    No field says so, up to v1beta2 of Kueue 0.16; the message names the field of the Job.
+    No field shows this, up to v1beta2 of Kueue 0.16; the message names the field of the Job.
     """
     rejected = (c for c in _checks(workload) if c.get("state") == "Rejected")
     return any("spec.managedBy" in text(check.get("message")) for check in rejected)
@@ -167,7 +167,7 @@ def _is_about(workload: Object, condition: Object, pods: int) -> bool:
 def pods_that_fit(message: str, pods: int) -> int | None:
     """Return how many of a Job's pods a queue can hold, from Kueue's refusal of all of them.
 
-    No field of a Workload says so, up to v1beta2 of Kueue 0.16: its words are all there is.
+    No field of a Workload shows this, up to v1beta2 of Kueue 0.16, so the message is parsed.
     Kueue's maximum counts what can be borrowed, too. Of several flavors the roomiest counts.
 
     Args:
@@ -197,7 +197,7 @@ def place_of(
     Args:
         pending: items of Kueue's answer about the LocalQueue.
         job: the Job.
-        running: known Jobs that have quota of the same ClusterQueue.
+        running: stored Jobs that have quota of the same ClusterQueue.
         now: the time.
     """
     position = next((_position(item) for item in pending if _owner(item) == job.uid), None)
@@ -228,8 +228,8 @@ def _owner(item: Object) -> str:
 def wait_seconds(position: int, running: Iterable[JobState], now: datetime) -> float | None:
     """Return the time until running Jobs free quota for a position in the queue [s].
 
-    Each Job that runs is taken to go on at its pace so far, and each that waits before this place
-    to take what those take on average. None as long as none of them has finished anything.
+    Each running Job is expected to continue at its pace so far, and each earlier Job to take the
+    average time of the running Jobs. Returns None until a running Job has finished an index.
     """
     paces = [pace for job in running if (pace := _pace(job, now)) is not None]
     if not paces:
@@ -244,7 +244,7 @@ def wait_seconds(position: int, running: Iterable[JobState], now: datetime) -> f
 
 def _pace(job: JobState, now: datetime) -> tuple[float, float] | None:
     """Return the remaining and the total time of a Job [s]."""
-    done = sum(count(ranges(told, job.size)) for told in (job.completed, job.failed))
+    done = sum(count(ranges(indexes, job.size)) for indexes in (job.completed, job.failed))
     if not done or not job.started:
         return None
     elapsed = max(0.0, (now - parse_time(job.started)).total_seconds())

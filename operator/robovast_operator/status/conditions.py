@@ -19,7 +19,7 @@ def campaign_conditions(snapshot: Snapshot, runs: Runs) -> list[Condition]:
 
     Args:
         snapshot: of the campaign.
-        runs: what is told of its runs.
+        runs: the numbers of its runs.
     """
     found: list[Found] = [
         ("Accepted", "True", "Valid", "The .vast file is valid."),
@@ -42,7 +42,7 @@ def rejected_conditions(reason: str, message: str, before: Iterable[Condition] =
         message: for people.
         before: conditions of the runs that were planned earlier and continue.
     """
-    told: list[Found] = [
+    found: list[Found] = [
         ("Accepted", "False", reason, message),
         ("Stalled", "True", reason, message),
     ]
@@ -56,21 +56,21 @@ def rejected_conditions(reason: str, message: str, before: Iterable[Condition] =
         *((name, "False", "NotAccepted", "") for name in ("Reconciling", "ResultsAvailable")),
         *((name, "Unknown", "NotAccepted", "") for name in unknown),
     ]
-    return [*told, *(kept or rest)]
+    return [*found, *(kept or rest)]
 
 
 def composing_conditions(trouble: Trouble | None) -> list[Found]:
     """Return all conditions of a campaign whose document is just being expanded."""
-    told = trouble or Trouble("Expanding", "A Job expands the .vast file.")
+    found = trouble or Trouble("Expanding", "A Job expands the .vast file.")
     names = ("Accepted", "QuotaReserved", "Succeeded", "Passed")
     unknown: list[Found] = [(name, "Unknown", "Expanding", "") for name in names]
     return [
         *unknown,
-        ("Reconciling", "True", told.reason, told.message),
+        ("Reconciling", "True", found.reason, found.message),
         (
             "Stalled",
             "True" if trouble else "False",
-            told.reason,
+            found.reason,
             trouble.message if trouble else "",
         ),
         ("ResultsAvailable", "False", "Expanding", ""),
@@ -98,7 +98,7 @@ def campaign_state(
 
     Args:
         snapshot: of the campaign.
-        runs: what is told of its runs.
+        runs: the numbers of its runs.
         conditions: of the campaign.
         active: whether any Job of a shard is open.
     """

@@ -16,7 +16,7 @@ FOR_EVER = 1e9
 def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
     """Estimate when a campaign ends; None before the first run has finished, or if unknown.
 
-    It is made anew only when further runs have ended: it causes no write of its own.
+    The estimate changes only when further runs have finished, so it causes no extra write.
 
     Args:
         snapshot: of the campaign.

@@ -11,7 +11,7 @@ from robovast_operator.pods.own import OWN
 
 _QUOTA = ("exceeded quota", "status unknown for quota")
 _TOO_LARGE = ("request is too large", "Too long: ", "limit is ")
-"""What the API server says of an object that is larger than it keeps."""
+"""Texts of the API server about an object that is too large."""
 
 
 def trouble_of_error(error: Exception) -> Trouble:

@@ -1,8 +1,8 @@
-"""When people are told of a campaign, and what. Pure functions of its status.
+"""Decide when to send notifications about a campaign. Pure functions of its status.
 
-Nothing is remembered but the marks in `status.notified`: a mark is written after the Job that
-sends the notice was made, and the Job's name follows from the mark. So whoever dies when, there is
-one Job for each mark.
+The only state is the marks in `status.notified`: a mark is written after the Job that sends the
+notification was created, and the Job's name is derived from the mark. So each mark has exactly one
+Job, whenever the operator restarts.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _SUBJECTS: dict[Event, frozenset[Subject]] = {
     "Batch": frozenset({"Progress"}),
     "Progress": frozenset({"Progress"}),
 }
-"""Who is told: an end is told once, whatever it is."""
+"""Subjects of each event; each end of a campaign causes one notification."""
 
 HOUR = timedelta(hours=1)
 """Between two notices of progress."""
 
 _GOING = {"Running", "Proposing", "Finishing"}
-"""States of a campaign that goes on by itself; one that waits for a queue has not started."""
+"""States of a campaign in progress; a campaign that waits in a queue has not started."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,11 @@ class Transition:
 
     event: Event
     mark: str
-    """Different for each thing to tell of one campaign."""
+    """Unique for each notification of a campaign."""
     since: Condition
-    """The condition that says so."""
+    """The condition that causes the notification."""
     lasting: bool = False
-    """Whether it is told only when it stays so."""
+    """Whether the condition must last before the notification is sent."""
 
 
 def due(
@@ -60,7 +60,7 @@ def due(
 
     Args:
         status: of the campaign.
-        receivers: who might be told.
+        receivers: the notification targets.
         now: the time.
         lasting: how long trouble must last; much of it passes by itself.
     """
@@ -109,9 +109,9 @@ def notice(
     """Return the content of a notice."""
     passed = _condition(status, "Passed")
     over = transition.event in {"Finished", "GivenUp"}
-    told = passed if transition.event == "Finished" and passed else transition.since
-    milestone = transition.event in {"Started", "Batch", "Progress"}  # whose numbers say it all
-    messages = [] if milestone else [told.message]
+    condition = passed if transition.event == "Finished" and passed else transition.since
+    milestone = transition.event in {"Started", "Batch", "Progress"}  # the numbers are enough
+    messages = [] if milestone else [condition.message]
     if transition.since.reason == "ProcessingFailed":
         messages.append(transition.since.message)
     started, ended = status.start_time, status.completion_time
@@ -132,7 +132,7 @@ def notice(
         failing=status.failing,
         search=status.search,
         seconds=(took - parse_time(started)).total_seconds() if started else None,
-        reason=told.reason,
+        reason=condition.reason,
         message="\n".join(messages),
     )
 

@@ -18,7 +18,7 @@ from robovast_operator.status.conditions import campaign_conditions, campaign_st
 from robovast_operator.status.estimate import estimate_of
 
 
-def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
+def campaign_status(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
     """Return the status of a campaign, including the shards that are just being created."""
     old = snapshot.status
     accepted = snapshot.accepted
@@ -62,8 +62,8 @@ def tell(snapshot: Snapshot, created: Sequence[ShardPlan]) -> CampaignStatus:
 
 def _begins(snapshot: Snapshot, created: Sequence[ShardPlan]) -> bool:
     """Return whether a shard is started; a shard that a queue holds back is not started."""
-    known = [snapshot.job(shard) for shard in snapshot.shards]
-    if any(job is not None and not job.suspended for job in known):
+    jobs = [snapshot.job(shard) for shard in snapshot.shards]
+    if any(job is not None and not job.suspended for job in jobs):
         return True
     return bool(created) and snapshot.accepted.spec.queue_name is None
 
@@ -74,8 +74,8 @@ def _records(snapshot: Snapshot, created: Sequence[ShardPlan]) -> list[Shard]:
     records = []
     for shard in snapshot.shards:
         record, job = snapshot.records.get(shard.job), snapshot.job(shard)
-        known = record is not None or job is not None or shard.job in made
-        if not known and not snapshot.is_withdrawn(shard):
+        exists = record is not None or job is not None or shard.job in made
+        if not exists and not snapshot.is_withdrawn(shard):
             continue
         ended = snapshot.ended(shard)
         tally = snapshot.tallies[shard.job] if ended else Tally()
@@ -175,8 +175,8 @@ def _numbers(snapshot: Snapshot) -> _Numbers:
         merge([*parse_ranges(old.failed_runs), *tally.failed_ids]),
         merge([*parse_ranges(old.errored_runs), *tally.errored_ids]),
     )
-    told = sum(count(parse_ranges(text)) for text in (failed, errored))
-    return _Numbers(runs, failed, errored, cut or told < tally.failed + tally.errored)
+    listed = sum(count(parse_ranges(text)) for text in (failed, errored))
+    return _Numbers(runs, failed, errored, cut or listed < tally.failed + tally.errored)
 
 
 def _counts(of: Tally | Settled) -> dict[str, int]:

@@ -21,7 +21,7 @@ from robovast_operator.decide import decide
 from robovast_operator.kube.objects import Identity
 from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import notify_job
-from robovast_operator.pods.pod_status import last_words
+from robovast_operator.pods.pod_status import last_messages
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.notices import due, interested, job_suffix, marked, notice
 
@@ -390,4 +390,4 @@ def test_the_last_words_of_an_index_count_and_each_is_told_once() -> None:
         }
 
     pods = [pod(0, "1", "busy"), pod(0, "2", "gone"), pod(1, "1", "gone"), pod(2, "1", "fine")]
-    assert last_words(pods, "notify", "0-1") == ["gone"]
+    assert last_messages(pods, "notify", "0-1") == ["gone"]

@@ -232,7 +232,7 @@ def test_pods_are_on_the_nodes_that_a_campaign_requires_and_spread_over_them() -
     plain = job_of(accepted())["spec"]["template"]["spec"]
     assert not {"affinity", "topologySpreadConstraints"} & set(plain)
     none = {"nodeAffinity": {"required": [{"key": "zone"}]}}
-    assert "need some" in rejected(lambda o: o["spec"].update(scheduling=none)).message
+    assert "need at least one" in rejected(lambda o: o["spec"].update(scheduling=none)).message
 
 
 def test_resources_are_those_of_the_cluster() -> None:

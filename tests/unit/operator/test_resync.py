@@ -58,7 +58,7 @@ def test_what_the_operator_makes_during_a_list_is_no_sign_of_a_dead_watch(
             learn(made)
 
     server: Any = Server(meanwhile)
-    kind = Kind("Jobs", paths.jobs, store.job_versions, store.knows_job, learn, store.drop_job)
+    kind = Kind("Jobs", paths.jobs, store.job_versions, store.has_job, learn, store.drop_job)
     resync = Resync(server, SETTINGS, (kind,))
 
     async def twice() -> None:

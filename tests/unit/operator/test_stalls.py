@@ -28,7 +28,7 @@ from robovast_operator.pods.own import CONTAINERS_ANNOTATION
 from robovast_operator.pods.pod_events import trouble_of_events
 from robovast_operator.pods.pod_status import troubles_of
 from robovast_operator.pods.stalls import cause_of, unseen_cause
-from robovast_operator.pods.tries import NO_WORD
+from robovast_operator.pods.tries import TASK_PODS_LOST
 
 DOCS = Path(__file__).parents[3] / "docs/how-to/stalled-campaigns.md"
 NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)
@@ -233,7 +233,7 @@ def test_the_table_of_causes_names_all_of_them() -> None:
         if (found := trouble_of_events([event("FailedCreate", 0, message=reason)], NOW - HOUR))
     }
     elsewhere = {"WorkerLost", "NoWorkerPods"}
-    by_words = by_events | elsewhere | {NO_WORD, STORING}
+    by_words = by_events | elsewhere | {TASK_PODS_LOST, STORING}
     assert {reason for reason, _ in CAUSES.values()} | by_words == documented
 
 

@@ -15,7 +15,7 @@ from robovast.kubeapi.status import CampaignStatus, Runs
 from robovast_operator.pods.findings import Mishap
 from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.snapshot import Snapshot
-from robovast_operator.status.story import story
+from robovast_operator.status.progress_events import progress_events
 
 BAD = BadRun(run="hall-1/0", verdict="failed", reason="too slow")
 
@@ -60,10 +60,10 @@ def test_a_bad_run_is_told_when_its_pod_says_so_after_its_job_has_counted_it() -
     found = World(accepted()).snapshot()
     found = replace(found, pods=replace(found.pods, mishaps=mishaps))
     counted, said = status(failed=2, undecided=2), status(failed=2, errored=2)
-    told = [event.about for event in story(replace(found, status=counted), said)]
+    told = [event.about for event in progress_events(replace(found, status=counted), said)]
     assert "1 hall-1/2" in told
     more = status(failed=2, errored=3)
-    told = [event.about for event in story(replace(found, status=said), more)]
+    told = [event.about for event in progress_events(replace(found, status=said), more)]
     assert "1 hall-1/2" not in told, "the first were told"
 
 

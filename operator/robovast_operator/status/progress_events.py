@@ -1,4 +1,4 @@
-"""Events about a campaign's progress, beside its conditions: few, however many runs it has.
+"""Events about a campaign's progress, in addition to conditions: few, for any number of runs.
 
 Pure functions. Each Event follows from the change of the status that it is written with, so it
 is there once, even after a crash in between. `kubectl describe campaign` shows them in order.
@@ -14,7 +14,7 @@ from robovast_operator.pods.findings import MISHAPS
 from robovast_operator.snapshot import Snapshot
 
 
-def story(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+def progress_events(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     """Generate Events for the change of a campaign's status to a new one."""
     yield from _planned(snapshot, new)
     yield from _jobs(snapshot, new)
@@ -61,8 +61,8 @@ def _repeated(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
 def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     """Generate Events of the first mishaps, then of the tenth, the hundredth, and so on."""
     before, now = _bad(snapshot.status), _bad(new)
-    # A Job counts its bad runs before their pods are read, which say what became of them.
-    if _is_among_first(before, now) or _is_among_first(_told(snapshot.status), _told(new)):
+    # A Job counts its unsuccessful runs before the operator reads the reports of their pods.
+    if _is_among_first(before, now) or _is_among_first(_reported(snapshot.status), _reported(new)):
         for one in snapshot.pods.mishaps:
             yield Message("Warning", one.reason, one.message, f"{new.attempt} {one.about}")
     if _step(before) < _step(now) and now >= 10:
@@ -79,7 +79,7 @@ def _bad(status: CampaignStatus) -> int:
     return status.runs.failed + status.runs.errored + status.runs.undecided
 
 
-def _told(status: CampaignStatus) -> int:
+def _reported(status: CampaignStatus) -> int:
     """Return the number of unsuccessful runs that pods have reported."""
     return status.runs.failed + status.runs.errored
 
