@@ -1062,13 +1062,8 @@ def composed(make: Make) -> Campaign:
 
 
 @one_server
-@pytest.mark.parametrize("version", ["this", "older"])
-def test_a_campaign_of_plugins_is_composed_once(composed: Campaign, version: str) -> None:
+def test_a_campaign_of_plugins_is_composed_once(composed: Campaign) -> None:
     campaign = composed
-    if version == "older":
-        campaign.change(composed=None)
-        listed = campaign.objects("_transient/variants/")
-        campaign.store.delete(campaign.bucket, listed)
     assert Pod(campaign).run() == 0
     assert campaign.read("one-7/0/out") == "made by a plugin"
     assert campaign.record("one-14/0")["parameters"] == {"x": 14}

@@ -81,6 +81,8 @@ class Stored:
         plan = CampaignPlan(
             campaign=self.name,
             bucket=self.bucket,
+            owner=OWNER,
+            seed=7,
             document="c.vast",
             expansion="pure",
             runs=1,

@@ -16,6 +16,7 @@ from uuid import uuid4
 
 import pytest
 from robovast_testbed.s3 import Server
+from support.campaigns.owner import OWNER
 
 from robovast.agent.mounts import Folders
 from robovast.agent.sources import copy_inputs
@@ -41,7 +42,7 @@ def copy(store: ObjectStore, tmp_path: Path) -> Copy:
 
     def copy(folder: Path = tmp_path / "none", **source: object) -> Path:
         plan = CampaignPlan(
-            campaign="c", bucket="b", document="test.vast",
+            campaign="c", bucket="b", owner=OWNER, seed=7, document="test.vast",
             expansion="pure", runs=1, image="i", **source,
         )  # fmt: skip
         target = tmp_path / "inputs"

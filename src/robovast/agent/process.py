@@ -18,7 +18,7 @@ from robovast.analysis.postprocessing.session import postprocess
 from robovast.base.errors import ExitCode, InputError, StorageError
 from robovast.campaign.layout import RUN_RECORD
 from robovast.campaign.places import Keys, run_of
-from robovast.campaign.run_files import StoredFile, Writer, escaped
+from robovast.campaign.run_files import StoredFile, Writer, escaped, is_writers
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.pod_contract.messages import Processed
@@ -28,7 +28,6 @@ from robovast.storage.bucket_runs import listed_files
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials
 from robovast.storage.s3 import ObjectStore
-from robovast.storage.s3_errors import ObjectError
 
 CACHE = f"{state.FOLDER}/{state.FILE}"
 """File with the finished steps of postprocessing."""
@@ -117,10 +116,15 @@ def add_to_run(bucket: Bucket, campaign: Path, run: str, paths: Iterable[str]) -
 
 
 def _files_of(bucket: Bucket, run: str, record: RunRecord) -> Iterator[StoredFile]:
-    """The files of a run."""
-    if record.files is None:
-        raise ObjectError(f"{bucket.name}/{run}/{RUN_RECORD} is damaged: it names no files.")
-    yield from listed_files(bucket.store, bucket.name, run, record.files)
+    """The files of a run; if its record names none, they are beside it."""
+    if record.files is not None:
+        yield from listed_files(bucket.store, bucket.name, run, record.files)
+        return
+    for item in bucket.store.objects(bucket.name, f"{run}/"):
+        key = item.key[len(run) + 1 :]
+        if key != RUN_RECORD and not is_writers(key):
+            digest = bucket.store.digest(bucket.name, item.key) or ""
+            yield StoredFile(key, key, item.size, digest)
 
 
 def _refuse_failures(failures: Iterable[Failure]) -> None:

@@ -69,8 +69,7 @@ class Campaign:
         self.name = self.given.pop("campaign", name)
         owner = Owner(uid=str(uuid4()), namespace="lab", name="test", campaign=self.name)
         owner = self.given.pop("owner", owner)
-        uid = owner.uid if owner is not None else ""
-        self.bucket = self.given.pop("bucket", bucket_name(self.name, uid=uid))
+        self.bucket = self.given.pop("bucket", bucket_name(self.name, uid=owner.uid))
         document = load_document(self.vast)
         select = self.given.get("select", ())
         searches = document.vast.search is not None
@@ -90,7 +89,7 @@ class Campaign:
             bucket=self.bucket,
             owner=owner,
             document=self.vast.name,
-            **{"expansion": "pure", **self.given},
+            **{"expansion": "pure", "seed": 7, **self.given},
             runs=runs,
             image=image,
             entries=entries,
