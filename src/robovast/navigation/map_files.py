@@ -302,7 +302,7 @@ def _grey(pixels: bytes, most: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[
     with image:
         if image.width * image.height > most:
             raise _too_large(most)
-        if getattr(image, "n_frames", 1) != 1:
+        if _has_second_page(image):
             raise InputError("has several pages; one is supported.")
         wide = image.mode in _SIXTEEN_BITS and not (image.mode == "I" and image.format == "TIFF")
         if not wide and image.mode not in _EIGHT_BITS:
@@ -322,6 +322,15 @@ def _grey(pixels: bytes, most: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[
         color = image.convert("RGBA")
         luma = color.convert("RGB").convert("L", matrix=_LUMA)
         return np.asarray(luma), np.asarray(color.getchannel("A")) == _OPAQUE
+
+
+def _has_second_page(image: Image.Image) -> bool:
+    """Whether a page follows; to count them takes time with the square of their number."""
+    try:
+        image.seek(1)
+    except EOFError:
+        return False
+    return True
 
 
 def _check_tags(image: TiffImageFile, most_bits: int) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import struct
+import time
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -333,3 +334,21 @@ def test_a_key_that_occurs_twice_is_refused(key: str, quoted: bool) -> None:
     again = f"'{key}'" if quoted else key
     with pytest.raises(InputError, match=f"the map m.yaml: `{key}` occurs several times"):
         parse_description(content + f"{again}: 1\n".encode(), "m.yaml")
+
+
+def test_a_file_of_many_pages_is_refused_at_the_second() -> None:
+    """Counting them takes time with the square of their number."""
+    first = tiff([0, 255], 8, "<")
+    (place,) = struct.unpack_from("<I", first, 4)
+    (count,) = struct.unpack_from("<H", first, place)
+    directory = first[place : place + 2 + 12 * count]
+    pages = bytearray(first)
+    following = place + len(directory)
+    for _ in range(50_000):
+        struct.pack_into("<I", pages, following, len(pages))
+        following = len(pages) + len(directory)
+        pages += directory + b"\0\0\0\0"
+    begin = time.process_time()
+    with pytest.raises(InputError, match="has several pages"):
+        decode_map(b"image: x.tif\nresolution: 1.0\n", bytes(pages), "x", MOST_CELLS)
+    assert time.process_time() - begin < 2

@@ -44,6 +44,9 @@ _CODES = {
     "float32": "f",
     "float64": "d",
 }
+_MOST_VALUES = 1 << 20
+"""Most values of a message in sequences; each is a column."""
+_TOO_MANY = f"raise ValueError('more than {_MOST_VALUES:,} values')"
 _TEXTS = ("string", WSTRING)
 _PLACEHOLDER = "structure_needs_at_least_one_member"
 """Placeholder that IDL puts into messages without fields."""
@@ -97,7 +100,7 @@ def array_cell(values: NDArray[Any]) -> bytes:
     return b",".join(bool_cells(ordered)) if ordered.dtype == bool else number_text(ordered)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def _sorted_places(count: int) -> NDArray[np.int64]:
     """Indexes 0 to n - 1, sorted by the names `[0]` to `[n - 1]`."""
     return np.array(sorted(range(count), key="{}]".format))
@@ -202,6 +205,7 @@ class _Compiler:
         """Compile the generated source."""
         self.flush()
         self.emit("if o > len(b) or o + 3 < len(b): raise ValueError('wrong size')")
+        self.emit(f"if sum(s) > {_MOST_VALUES}: {_TOO_MANY}")
         self.emit("return tuple(s)")
         exec("\n".join(self.lines), self.scope)  # noqa: S102
         return cast("Flatten", self.scope["flatten"])
@@ -244,6 +248,7 @@ class _Compiler:
         self.emit(f"for _ in range({count}):")
         self.indent += 1
         self.modulus, self.residue = 1, 0
+        self.emit(f"if len(c) > {_MOST_VALUES}: {_TOO_MANY}")
         self.element(field)
         self.flush()
         self.indent -= 1
@@ -257,6 +262,7 @@ class _Compiler:
             self.emit("if n > len(b): raise ValueError('wrong length')")
             self.loop("n", field)
             return
+        self.emit(f"if n > {_MOST_VALUES}: {_TOO_MANY}")
         code = _CODES[field.of]
         size = np.dtype(code).itemsize
         values = self.array(code, "n")

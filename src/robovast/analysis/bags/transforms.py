@@ -28,6 +28,8 @@ _MOST_FRAMES = 500
 """Most frames between a frame and its reference; tf2 follows at most 1000."""
 _MOST_LINKS = 1 << 18
 """Most episodes times frames; a robot has some 100 frames, and resets are rare."""
+_MOST_COMPARED = 1 << 32
+"""Most transforms times resets, which takes about a minute."""
 _SIZE = 56
 """Seven numbers in bytes: position x, y, z [m] and orientation x, y, z, w."""
 
@@ -279,10 +281,11 @@ class Transforms:
         """
         moving, fixed = self._samples
         jumps, frames = len(self._jumps), len(moving) + len(fixed)
-        if (jumps + 1) * frames > max(_MOST_LINKS, frames):
+        transforms = sum(len(s.times) for found in self._samples for s in found.values())
+        if jumps and (jumps * frames > _MOST_LINKS or jumps * transforms > _MOST_COMPARED):
             raise InputError(
-                f"the stamps of its transforms jump back {jumps} times, and it has {frames} "
-                f"frames: more than {_MOST_LINKS:,} transforms between frames of an episode."
+                f"the stamps of its transforms jump back {jumps} times, which is too often for "
+                f"{frames} frames and {transforms:,} transforms."
             )
         links: list[dict[str, _Link]] = [{} for _ in range(jumps + 1)]
         for frame, samples in fixed.items():

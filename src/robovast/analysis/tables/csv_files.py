@@ -10,6 +10,7 @@
 | a first line `sep=,`, which Excel reads | it is left out; files with another character are refused |
 | rows with fewer cells than the header | the missing cells are empty |
 | rows with more cells | the additional cells are left out, with a message |
+| columns | at most 5,000 |
 | header cells that are equal or empty | their columns get numbers |
 
 Lines end with LF or CRLF.
@@ -34,6 +35,8 @@ from robovast.base.safe_paths import is_file, open_file
 
 KEYS = ("config", "run")
 """Columns that identify the run of a row."""
+MOST_COLUMNS = 5_000
+"""Most columns of a file; DuckDB takes time with the square of their number, minutes for these."""
 LONGEST_LINE = 32 << 20
 """Longest line [characters]; a file of zeros is a single line."""
 _RESERVED = frozenset({"runs", "run_records", "loaded", "scenario_timestamps"})
@@ -194,6 +197,10 @@ def _rows(found: Iterator[str]) -> Iterator[list[str]]:
         if not header:
             header = row
             _check_delimiter(header)
+            if len(header) > MOST_COLUMNS:
+                raise csv.Error(
+                    f"it has {len(header):,} columns; at most {MOST_COLUMNS:,} are read"
+                )
         if len(row) >= len(header) or not row[0].startswith("#"):
             yield row
         if is_last:

@@ -19,7 +19,9 @@ UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 
 
 ANGLES = frozenset({"deg", "rad"})
 
-_NUMBER = re.compile(r"(?<![\w.\-/])-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+_NO_NUMBER = re.compile(r"//[^\n]*|/\*.*?\*/|\"[^\"]*\"|'[^']*'", re.DOTALL)
+"""Comments and texts."""
+_NUMBER = re.compile(r"(?<![\w.])-?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 _LONGEST = 100
 """Longest number [characters]."""
 _LARGEST = 1e9
@@ -41,7 +43,7 @@ class Source:
         self.path = path
         self.problems: list[Problem] = []
         self.text = read_text(path)
-        for number in _NUMBER.finditer(self.text):
+        for number in _NUMBER.finditer(_NO_NUMBER.sub(_blank, self.text)):
             if len(number[0]) > _LONGEST or abs(float(number[0])) > _LARGEST:
                 place = _place(path, self.text, number.start())
                 message = f"the number {number[0][:20]} is too large"
@@ -68,6 +70,11 @@ class Source:
         """
         if self.problems:
             raise DocumentError(self.problems)
+
+
+def _blank(found: re.Match[str]) -> str:
+    """As many characters, so that places stay, and a space between the neighbors."""
+    return " " * len(found[0])
 
 
 def _place(path: Path, text: str, position: int) -> Place:

@@ -54,6 +54,7 @@ def test_comments_above_and_below_the_header(content: bytes, rows: list[list[str
         (b"t;x\n0;1\n", "its cells are separated by `;`"),
         (b"t\tx\n0\t1\n", "its cells are separated by tabs"),
         (b"sep=;\nt;x\n0;1\n", "its cells are separated by `;`"),
+        (b"a" + b"," * 500_000 + b"\n", "it has 500,001 columns; at most 5,000 are read"),
         ("t,x\n0,1\n".encode("utf-16-le"), "UTF-16 without a byte order mark"),
         ("t,x\n0,1\n".encode("utf-16-be"), "UTF-16 without a byte order mark"),
     ],
