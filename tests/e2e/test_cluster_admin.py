@@ -67,7 +67,7 @@ def test_an_admin_who_types_what_the_notes_say_sees_a_first_campaign_to_its_end(
     notes = helm(installed, "get", "notes", "robovast", "--namespace", SYSTEM)
     typed = commands(notes)
     assert [line.split()[1] for line in typed] == [
-        "apply", "wait", "get", "results", "logs", "port-forward", "delete",
+        "test", "apply", "wait", "get", "results", "logs", "port-forward", "delete",
     ]  # fmt: skip
     told = ""
     for command in typed:

@@ -166,8 +166,11 @@ def end_badly(cluster: Cluster, namespace: str, pod: str) -> None:
 @pytest.mark.parametrize(
     ("receiver", "said"),
     [
-        ({"kind": "ntfy"}, "either `url` or `urlFrom`"),
-        ({**RECEIVER, "url": "https://ntfy.example/topic"}, "either `url` or `urlFrom`"),
+        ({"kind": "ntfy"}, "exactly one address: `url` or `urlFrom`"),
+        (
+            {**RECEIVER, "url": "https://ntfy.example/topic"},
+            "exactly one address: `url` or `urlFrom`",
+        ),
         ({"kind": "mail", "url": "https://a/b"}, "Unsupported value"),
         ({"kind": "ntfy", "url": "javascript:alert()"}, "should match"),
     ],

@@ -17,6 +17,10 @@ _MOST_HELD = 4 * LARGEST
 """Messages that are held until those of overlapping blocks are read [bytes]."""
 _JUMP = 1_000_000_000
 """Time by which messages of a topic may be recorded out of order [ns]."""
+_LEAST_ROOM = 1 << 30
+"""What any file may expand to [bytes]."""
+_MOST_EXPANSION = 200
+"""Largest ratio of the messages of a larger file to the file."""
 _OVERHEAD = 200
 """What a held message takes in addition to its content, about [bytes]."""
 
@@ -47,6 +51,7 @@ def in_order(
         for block in file.blocks
         if block.start < end and block.end >= start and channels[number]
     ]
+    rooms = [_Room(file) for file in files]
     for file in files:
         _note_jumps(file, ((block.channels, block.start, block.end) for block in file.blocks))
     blocks.sort(key=itemgetter(0))
@@ -54,7 +59,7 @@ def in_order(
     held: list[tuple[int, int, int, int, Ordered]] = []
     size = count = 0
     for (_, number, block), horizon in zip(blocks, horizons, strict=False):
-        found = _messages(files[number], block, channels[number])
+        found = rooms[number].take(_messages(files[number], block, channels[number]))
         for time, channel, data in found:
             if not start <= time < end:
                 continue
@@ -66,9 +71,9 @@ def in_order(
             while held and held[0][:3] < (time, number, block.place):
                 earlier = heapq.heappop(held)[-1]
                 size -= len(earlier[3]) + _OVERHEAD
-                yield from _plain(files, earlier)
+                yield from _plain(files, rooms, earlier)
             if data[:4] == zstd.MAGIC:
-                yield from _plain(files, message)
+                yield from _plain(files, rooms, message)
             else:
                 yield message
         while held and (held[0][0] < horizon or size > _MOST_HELD):
@@ -76,7 +81,7 @@ def in_order(
                 files[number].faults.add("Too many messages overlap: some are not in order of time")
             earlier = heapq.heappop(held)[-1]
             size -= len(earlier[3]) + _OVERHEAD
-            yield from _plain(files, earlier)
+            yield from _plain(files, rooms, earlier)
 
 
 def _messages(file: BagFile, block: Block, channels: Collection[int]) -> list[Read]:
@@ -113,14 +118,45 @@ def _note_jumps(file: BagFile, parts: Iterable[tuple[Collection[int], int, int]]
             latest[channel] = max(latest.get(channel, first), first)
 
 
-def _plain(files: Sequence[BagFile], message: Ordered) -> Iterator[Ordered]:
+class _Room:
+    """Bounds what the messages of a file expand to: a few bytes can stand for terabytes."""
+
+    def __init__(self, file: BagFile) -> None:
+        self._file = file
+        size = sum(block.size for block in file.blocks)
+        self._left = max(_LEAST_ROOM, _MOST_EXPANSION * size)
+
+    def take(self, messages: list[Read]) -> list[Read]:
+        """Return the messages; none if they are too large together."""
+        self._left -= sum(len(data) for *_, data in messages)
+        return messages if self.has_some else []
+
+    def grow(self, size: int) -> bool:
+        """Count bytes of a decompressed message; return whether it may be used."""
+        self._left -= size
+        return self.has_some
+
+    @property
+    def has_some(self) -> bool:
+        """Whether the file may expand further; adds a fault otherwise."""
+        if self._left < 0:
+            self._file.faults.add(
+                "The messages of a file of the bag are far larger than the file: those that follow "
+                "are left out"
+            )
+        return self._left >= 0
+
+
+def _plain(files: Sequence[BagFile], rooms: Sequence[_Room], message: Ordered) -> Iterator[Ordered]:
     """A message, decompressed if it is compressed; nothing if it is damaged."""
     time, number, channel, data = message
     if data[:4] != zstd.MAGIC:
         yield message
         return
     try:
-        yield time, number, channel, zstd.decompressed(data, LARGEST)
+        plain = zstd.decompressed(data, LARGEST) if rooms[number].has_some else b""
+        if rooms[number].grow(len(plain)):
+            yield time, number, channel, plain
     except (zstandard.ZstdError, ValueError) as error:
         topic = files[number].topics[channel].name
         files[number].faults.add(f"a message on {topic} cannot be decompressed: {error}")

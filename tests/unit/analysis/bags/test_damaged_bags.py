@@ -14,9 +14,10 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from support.campaigns.bags import START, Bag, convert_alone, rows
 
+from robovast.analysis.bags import order
 from robovast.analysis.bags.convert import Conversion
 from robovast.model.document.commands import TopicsToCsv
 
@@ -388,3 +389,16 @@ def test_times_of_receipt_that_jump_back_are_reported(
     jumps = [text for text in warnings if text.startswith("The times of receipt in a file")]
     assert len(jumps) == (back > 1)
     assert warnings == jumps
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.MESSAGE, CompressionMode.STORAGE])
+def test_a_few_bytes_do_not_expand_to_any_size(
+    tmp_path: Path, mode: CompressionMode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(order, "_LEAST_ROOM", 1 << 20)
+    with Bag(tmp_path / "rosbag2", compression=mode) as bag:
+        for number in range(COUNT):
+            bag.write("/a", bag.make(TEXT, f"text {number} {'x' * 300_000}"), at=number)
+    (warning,) = convert(tmp_path / "rosbag2").warnings
+    assert "are far larger than the file: those that follow are left out" in warning
+    assert 0 < len(numbers(tmp_path / "rosbag2")) < COUNT
