@@ -84,7 +84,9 @@ class Operator:
 
     def ready(self) -> str:
         """Return why campaigns cannot be reconciled, by any replica; empty if they can."""
-        unknown = "" if self._resync.complete.is_set() else "what is there could not be listed yet"
+        unknown = (
+            "" if self._resync.complete.is_set() else ("the existing objects are not listed yet")
+        )
         return self.healthy() or self.leadership.failure or self.leadership.rival or unknown
 
     def campaign_event(self, kind: str | None, obj: Object) -> None:

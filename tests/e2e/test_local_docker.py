@@ -214,7 +214,7 @@ def test_auto_falls_back_to_processes_and_says_so(
     path = make_campaign(tmp_path / "in", PASS)
     summary = run(path, tmp_path / "out", recorder, select="one-1", runtime="auto", image="any")
     assert summary.records[0].runtime == "process"
-    assert any("plain processes" in message for message in recorder.messages)
+    assert any("local processes" in message for message in recorder.messages)
 
 
 def _prepared(tmp_path: Path, image: str | None) -> Path:

@@ -279,7 +279,7 @@ def test_a_campaign_goes_on_in_the_environment_that_it_was_begun_in(
 
     recorder = Recorder()
     resume(campaign, recorder, runs=2)
-    changed = f"Going on with process:{usual.name}; so far it was process:other."
+    changed = f"Continuing with process:{usual.name}. Earlier runs used process:other."
     assert recorder.messages == [changed]
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -439,7 +439,7 @@ class Meanwhile(Recorder):
 
     def message(self, text: str) -> None:
         super().message(text)
-        if text.startswith("Going on with"):
+        if text.startswith("Continuing with"):
             resume(self.campaign, select="one-1", runs=3)
 
 
@@ -500,7 +500,7 @@ def test_a_campaign_leaves_a_log_of_what_it_did(tmp_path: Path) -> None:
     line = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d,\d{3} INFO robovast\.campaign: (.+)")
     texts = [found[1] for found in map(line.fullmatch, lines) if found]
     assert len(texts) == len(lines)
-    assert f"{summary.campaign.name}: 3 runs, 0 done before; process, 1 side by side" in texts
+    assert f"{summary.campaign.name}: 3 runs, 0 done before; process, 1 in parallel" in texts
     assert "one-2/0: started" in texts
     assert any(text.startswith("one-2/0: failed after ") for text in texts)
 

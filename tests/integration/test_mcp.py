@@ -234,8 +234,8 @@ def test_plugins_add_tools_and_a_broken_one_is_reported(assistant: Assistant, lo
     assert len(chatter) < 300_000
     assert chatter.endswith("the rest is cut)")
     said = log.read_text()
-    assert "`broken` is left out: ValueError: no licence" in said
-    assert "`missing` is left out" in said
+    assert "`broken` is skipped: ValueError: no licence" in said
+    assert "`missing` is skipped" in said
     assert "Traceback" not in said
 
 

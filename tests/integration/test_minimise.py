@@ -150,10 +150,10 @@ def test_what_cannot_be_minimised_is_one_message(tmp_path: Path) -> None:
     sound = campaign(tmp_path / "in")
     failing = sound / "hall-2" / "0"
     for words, said in (
-        ([sound / "hall-1" / "0"], "hall-1/0: passed; there is no failure to minimise."),
+        ([sound / "hall-1" / "0"], "hall-1/0: passed; there is no failure to reduce."),
         ([sound / "hall-2" / "9"], "hall-2/9: there is no such folder. Name the folder of a run"),
         ([failing, "--good", "0.5", "--bad", "0.2"], "--good must be less than --bad"),
-        ([failing, "--resume", sound], "`--resume` takes the folder that `vast minimise`"),
+        ([failing, "--resume", sound], "`--resume` needs a folder that `vast minimise`"),
         ([failing, "--out", sound / "inside"], "which a replay leaves as it is"),
     ):
         code, text = minimise(*words)

@@ -77,7 +77,7 @@ def test_what_is_wrong_is_explained(
     with pytest.raises(InputError, match="nothing to upload to S3"):
         S3Upload()("", "", bucket, endpoint=address, context=PublicationContext(context.campaigns))
     monkeypatch.setenv("ROBOVAST_S3_SECRET_KEY", "wrong-secret-5d1")
-    with pytest.raises(StorageError, match="cannot make the bucket") as caught:
+    with pytest.raises(StorageError, match="cannot create the bucket") as caught:
         S3Upload()("", "", bucket, endpoint=address, context=context)
     assert "wrong-secret-5d1" not in str(caught.value)
     monkeypatch.delenv("ROBOVAST_S3_SECRET_KEY")

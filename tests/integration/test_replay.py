@@ -118,7 +118,7 @@ def test_a_run_without_a_recorded_seed_says_so(tmp_path: Path) -> None:
     command = [VAST, "replay", folder, "--times", "2"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 1
-    assert "No seed was recorded: what differs may differ by chance." in done.stdout
+    assert "No seed was recorded, so chance can cause differences." in done.stdout
     assert "one-1/0 (no seed): 0 of 2 re-runs have the same result." in done.stdout
     assert "laky" not in done.stdout
 
@@ -165,7 +165,7 @@ def test_another_version_is_told_of(tmp_path: Path) -> None:
     recorder = Recorder()
     options = LocalOptions(runtime="same")
     replay_run(find_run(folder), tmp_path / "replays", 1, options, recorder)
-    assert any(text.endswith("; then it was 0.0.1.") for text in recorder.messages)
+    assert any(text.endswith(" The stored run used 0.0.1.") for text in recorder.messages)
 
 
 def test_a_run_is_replayed_in_the_environment_that_executed_it(
@@ -274,7 +274,7 @@ def test_a_damaged_record_of_configurations_is_one_message(tmp_path: Path) -> No
             find_run(folder)
         assert said in str(error.value)
     path.write_text("configs: [{name: one-1, config: {x: &x [*x]}}]\n")
-    with pytest.raises(InputError, match="refers to what it is part of"):
+    with pytest.raises(InputError, match="refers to a value that contains the alias"):
         find_run(folder)
     path.write_text("vast: [\n")
     code, text = replay(folder)

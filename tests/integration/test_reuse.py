@@ -144,7 +144,7 @@ def test_nothing_is_reused_in_an_environment_of_the_user(
     mine.symlink_to(process_environment(print))
     monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(mine))
     second, told = again(first, select="one-1")
-    assert "Nothing is reused: it is not known what process:mine contains." in told.messages[0]
+    assert "Nothing is reused: the contents of process:mine are unknown." in told.messages[0]
     assert second.records[0].key == ""
 
 
@@ -161,7 +161,7 @@ def test_what_cannot_be_trusted_is_executed_and_said(first: Path) -> None:
         "Reused 0 of 3 runs.",
         f"Not reused: {name}/one-1/0: `out.csv` has changed since the run.",
         f"Not reused: {name}/one-2/0: its run.json is missing or damaged.",
-        f"Not reused: {name}/one-3/0: it is errored, which is no result.",
+        f"Not reused: {name}/one-3/0: it is errored, not passed or failed.",
     ]
 
 
@@ -197,7 +197,7 @@ def test_without_key_or_checksums_a_run_is_executed_and_that_is_said(first: Path
     _, told = again(first)
     assert sorted(told.started) == ["one-1/0", "one-2/0"]
     said = "\n".join(told.messages)
-    assert "one-1/0: it has no key (RoboVAST 1.x or a cluster executed it)." in said
+    assert "one-1/0: it has no key (it was run by RoboVAST 1.x or on a cluster)." in said
     assert "one-2/0: it has no checksums" in said
 
 
@@ -209,7 +209,7 @@ def test_a_campaign_that_is_being_executed_is_left_alone(first: Path) -> None:
         _, told = again(first, select="one-1")
     assert told.started == ["one-1/0"]
     name = first.name
-    assert told.messages[1] == f"Not reused: {name}: the campaign is being executed."
+    assert told.messages[1] == f"Not reused: {name}: the campaign is running."
 
 
 def test_links_among_the_output_keep_a_run_from_being_reused(tmp_path: Path) -> None:

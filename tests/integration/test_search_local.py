@@ -237,7 +237,7 @@ def test_what_has_no_effect_in_a_search_that_goes_on_is_said(tmp_path: Path) -> 
     assert [text for text in recorder.messages if text.startswith("--")] == [
         "--config has no effect in a search.",
         "--abort-on-failure has no effect in a search.",
-        "--runs has no effect, since the search has ended: give `--batches`, too.",
+        "--runs has no effect, because the search has ended; also set `--batches`.",
     ]
 
 
@@ -413,9 +413,9 @@ class Nothing(Variation):
     [
         (
             "ParameterVariationList: {name: x, values: [$x, 3]}",
-            "make 2 configurations of the parameter set",
+            "create 2 configurations of the parameter set",
         ),
-        ("none.py:Nothing: {}", "`none.py:Nothing` made no configuration at all"),
+        ("none.py:Nothing: {}", "`none.py:Nothing` created no configuration"),
     ],
 )
 def test_a_template_that_makes_none_or_several_configurations_is_refused(

@@ -97,9 +97,9 @@ def test_aliases_and_merges_that_explode_are_refused_at_once(levels: list[str]) 
 
 @pytest.mark.parametrize("text", ["&a [*a]", "&a {b: *a}", "a: &a {<<: *a}", "&a {? *a : 1}"])
 def test_values_that_are_part_of_themselves_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="refers to what it is part of"):
+    with pytest.raises(ValueError, match="refers to a value that contains the alias"):
         parse_yaml(text)
-    with pytest.raises(DocumentError, match="refers to what it is part of"):
+    with pytest.raises(DocumentError, match="refers to a value that contains the alias"):
         Source(Path("a.vast"), text)
 
 

@@ -50,7 +50,7 @@ class Witness:
         except ApiError as error:
             if not is_refusal(error):
                 raise
-            LOGGER.warning("%s/%s: what its pods were is not kept: %s", *job.key, error)
+            LOGGER.warning("%s/%s: cannot keep the record of its pods: %s", *job.key, error)
 
     def _pods(self, accepted: Accepted, job: JobState) -> AsyncIterator[Object]:
         """Generate all pods of a Job; only failed pods if the image is named by its digest."""

@@ -193,7 +193,7 @@ class Api:
     ) -> tuple[Object, float | None]:
         """Send a request once: return the answer, or how long the server asks to wait."""
         if method != "GET" and not self._may_write():
-            raise ApiError(0, "NotLeading", f"{method} {path}: another replica may lead by now")
+            raise ApiError(0, "NotLeading", f"{method} {path}: another replica may be the leader")
         async with self._send(method, path, body, kind, query) as response:
             if response.status in {429, 503}:
                 return {}, _seconds(response.headers.get("Retry-After", ""))

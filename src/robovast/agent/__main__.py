@@ -27,12 +27,12 @@ INDEX = "JOB_COMPLETION_INDEX"
 _COMMANDS = {
     "agent": "prepare the runs of a pod, and store them as they end",
     "hold": "prepare the run of a pod and keep it alive, and store nothing",
-    "compose": "expand a document and store what its pods need",
-    "propose": "score what a search has run, and propose what it runs next",
+    "compose": "expand a .vast file and store the inputs of its pods",
+    "propose": "score the runs of a search and propose the next runs",
     "finish": "complete a campaign's results and sum them up",
     "process": "work a campaign's results up: tables, metadata, provenance",
     "purge": "remove a campaign's results",
-    "notify": "tell somebody outside of the cluster about a campaign",
+    "notify": "send a notification about a campaign",
     "share": "pack a campaign's results and upload them to a share",
 }
 """Each command is a function in the module of the same name."""
@@ -83,7 +83,7 @@ def _parser(names: Sequence[str]) -> argparse.ArgumentParser:
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")
         if name == "agent":
             _add_runs(command)
-            told = "after how long without a line in its log a run is told to be silent [s]"
+            told = "seconds without log output after which a run is reported"
             command.add_argument("--silence", type=float, default=0.0, metavar="S", help=told)
         elif name == "hold":
             command.add_argument(ONLY, type=int, required=True, help="id of the run")

@@ -87,8 +87,8 @@ def read_plan(path: Path) -> CampaignPlan:
         return CampaignPlan.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
         raise PlanError(
-            f"{path}: is no plan of this version: {error}. Operator and agent must be of one "
-            "version; was one of them updated alone?"
+            f"{path}: is not a valid plan of this version: {error}. Operator and agent must have "
+            "the same version. Check whether only one of them was updated."
         ) from None
 
 
@@ -156,9 +156,9 @@ def _check_expansion(plan: CampaignPlan, variants: Sequence[Variant]) -> None:
         first += entry.variants
         if entry.digest is not None and variants_digest(found) != entry.digest:
             raise InputError(
-                f"{plan.document}: the configuration `{entry.name}` does not expand to "
-                "the variants that its runs were planned with. Were operator and agent updated "
-                "while it ran? Create another Campaign for what is left."
+                f"{plan.document}: the configuration `{entry.name}` does not expand to the "
+                "planned configurations. A cause can be an update of operator and agent while "
+                "the campaign ran. Create another Campaign for the remaining runs."
             )
 
 

@@ -46,8 +46,8 @@ from robovast.model.repetition import GroupSizes, list_key, list_name, list_text
 
 NO_RESULT = "no pod of it has stored a result"
 NOT_DECIDED = (
-    "no pod of it has stored a result, and its configuration is not decided: repeat bad runs once "
-    "more to go on with it"
+    "no pod stored a result of the run, and its configuration is inconclusive: repeat "
+    "unsuccessful runs to continue"
 )
 
 

@@ -90,7 +90,7 @@ def notify(folders: Folders, index: int) -> AgentExit:
         client.request(
             "POST",
             address.url,
-            attempt=f"tell that {notice.title}",
+            attempt=f"send the notification that {notice.title}",
             body=lambda: body,
             headers=headers,
         )
@@ -98,7 +98,7 @@ def notify(folders: Folders, index: int) -> AgentExit:
         if error.status in BUSY:
             raise
         raise InputError(str(error)) from error
-    print(f"{receiver.kind} at {address.server} was told that {notice.title}.")  # noqa: T201
+    print(f"Sent to {receiver.kind} at {address.server}: {notice.title}.")  # noqa: T201
     return AgentExit.PASSED
 
 
@@ -107,8 +107,8 @@ def _order() -> Order:
         return Order.model_validate_json(os.environ.get(NOTICE_VARIABLE, ""))
     except ValidationError as error:
         raise PlanError(
-            f"${NOTICE_VARIABLE} is no notice of this version: {error}. Operator and agent must "
-            "be of one version; was one of them updated alone?"
+            f"${NOTICE_VARIABLE} is not a valid notification of this version: {error}. Operator "
+            "and agent must have the same version. Check whether only one of them was updated."
         ) from None
 
 
@@ -122,7 +122,10 @@ def _address(receiver: Notification, folder: Path) -> Address:
     except ValueError:
         usable = False
     if not usable:
-        raise InputError(f"the URL of a receiver ({receiver.kind}) is none of http or https.")
+        raise InputError(
+            f"the URL of a notification target ({receiver.kind}) must start with http:// or "
+            "https://."
+        )
     user, password = unquote(parts.username or ""), unquote(parts.password or "")
     netloc = parts.netloc.rpartition("@")[2]
     login = b64encode(f"{user}:{password}".encode()).decode() if user or password else ""

@@ -35,7 +35,7 @@ class Offer(BaseModel):
     @classmethod
     def _check_run(cls, run: str) -> str:
         if run_of(f"{run}/") != run or not is_variant(run.partition("/")[0]):
-            raise ValueError("is no run")
+            raise ValueError("is not a run")
         return run
 
 

@@ -149,7 +149,11 @@ def describe(failures: Iterable[Failure]) -> str:
     told = [_sentence(reason, alike) for reason, alike in reasons.items()]
     more = [f"… and {len(told) - MOST_TOLD} more reasons."] if len(told) > MOST_TOLD else []
     return "\n".join(
-        ["results processing failed in part; what succeeded is stored.", *told[:MOST_TOLD], *more]
+        [
+            ("some postprocessing failed; the results of the other commands are stored."),
+            *told[:MOST_TOLD],
+            *more,
+        ]
     )
 
 
@@ -191,4 +195,4 @@ class _Log:
 
     def campaign_finished(self, summary: CampaignSummary) -> None:
         """Say how much there was to do."""
-        print(f"{len(summary.worked)} runs worked on")  # noqa: T201
+        print(f"Postprocessed {len(summary.worked)} runs.")  # noqa: T201

@@ -80,8 +80,8 @@ def propose(folders: Folders) -> AgentExit:
 def _tell_hanging(folders: Folders, where: str) -> None:
     """Say that something takes too long."""
     text = (
-        f"proposing is not done after {LONGEST / 3600:g} h: it is in {where}. Mend the strategy, "
-        "the extractor or the postprocessing that takes so long, and create another Campaign."
+        f"the proposal is not complete after {LONGEST / 3600:g} h: it is in {where}. Make the "
+        "strategy, the extractor or the postprocessing faster, and create another Campaign."
     )
     print(f"error: {text}", file=sys.stderr)  # noqa: T201
     write_error(folders.message, text, as_json=True)
@@ -233,7 +233,7 @@ def _keep(bucket: Bucket, layout: Layout, path: Path, text: str) -> None:
     key = path.relative_to(layout.root).as_posix()
     if not bucket.store.create(bucket.name, key, text.encode()):
         raise StorageError(
-            f"{bucket.name}/{key}: another pod has stored it meanwhile. The next one reads it."
+            f"{bucket.name}/{key}: another pod stored this object first. The next pod reads it."
         )
     write_atomically(path, text)
 

@@ -159,7 +159,7 @@ def _find(store: ObjectStore, key: str) -> _Found | None:
     wanted = []
     for path, sha256 in (record.outputs or {}).items():
         if not is_plain(path) or path.partition("/")[0] in OWN_NAMES:
-            raise ObjectError(f"{name}: `{path}` is no path of a file that a run wrote")
+            raise ObjectError(f"{name}: `{path}` is not a valid path of an output file of a run")
         if path not in files or files[path].item.sha256 != sha256:
             raise ObjectError(f"{name}: `{path}` has changed since the run")
         wanted.append((path, files[path]))

@@ -99,7 +99,7 @@ def _checkout(git: GitSource, folders: Folders, target: Path) -> None:
         )
         if result.returncode:
             cause = result.stderr.strip() or f"git ended with code {result.returncode}"
-            raise StorageError(f"{git.url}: `{git.ref}` cannot be fetched: {cause}")
+            raise StorageError(f"{git.url}: `{git.ref}` cannot be downloaded: {cause}")
     shutil.rmtree(repository / ".git")  # it holds the URL, with whatever stands in it
     folder = Path(os.path.normpath(repository / git.path))
     if _leads_out(folder, repository) or not folder.is_dir():

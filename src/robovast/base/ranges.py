@@ -92,7 +92,7 @@ def parse_ranges(text: str) -> list[Span]:
 def _span(item: str) -> Span:
     match = _ITEM.fullmatch(item.strip())
     if match is None:
-        raise ValueError(f"`{item}` is no range of numbers as `3` or `5-9`")
+        raise ValueError(f"`{item}` is not a valid range of numbers, such as `3` or `5-9`")
     first = int(match[1])
     last = int(match[2] or first)
     if last < first:

@@ -83,8 +83,8 @@ def _is_private(found: os.stat_result) -> bool:
 @lru_cache
 def _warn(path: str, why: str) -> None:
     logging.getLogger(__name__).warning(
-        "%s is not used, because %s. If you trust it, copy it to a folder of your own, or make it "
-        "yours alone (`chown`, `chmod go-w`).",
+        "%s is not used, because %s. If you trust it, copy it to your own folder, or change its "
+        "owner and permissions (`chown`, `chmod go-w`).",
         one_line(path),
         why,
     )

@@ -136,7 +136,7 @@ class _Repetition:
         if id(node) in self._sizes:
             known = self._sizes[id(node)]
             if known is None:
-                raise _refused(node, "an alias (`*name`) refers to what it is part of")
+                raise _refused(node, "an alias (`*name`) refers to a value that contains the alias")
             return known
         self._sizes[id(node)] = None
         values, keys = 1, 1

@@ -200,10 +200,9 @@ class _Room:
         if self._left < 0:
             most = f"{self._most / 2**20:.0f} MiB, {self._expansion:g} times its size"
             raise InputError(
-                f"{self._archive}: refused, because it unpacks to more than {most}. "
-                "Campaigns are not that large, but archives made to fill a disk are. Nothing "
-                "was imported. If you trust it, unpack it with `tar` or `unzip` into the results "
-                "folder."
+                f"{self._archive}: rejected, because it unpacks to more than {most}. A malicious "
+                "archive can fill the disk. Nothing was imported. If you trust it, unpack it "
+                "with `tar` or `unzip` into the results folder."
             )
 
 
@@ -245,7 +244,7 @@ def _link(archive: Path, path: Path, target: str) -> None:
 
 
 def _refused(archive: Path, name: str, why: str) -> InputError:
-    return InputError(f"{archive}: refused, because `{name}` {why}. Nothing was imported.")
+    return InputError(f"{archive}: rejected, because `{name}` {why}. Nothing was imported.")
 
 
 @contextmanager

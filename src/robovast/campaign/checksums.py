@@ -64,7 +64,7 @@ def copy_verified(source: Path, target: Path, sums: Mapping[str, str]) -> None:
     """
     for name, expected in sums.items():
         if not is_plain(name) or name.partition("/")[0] in OWN_NAMES:
-            raise DifferentError(f"`{name}` is no path of a file that a run wrote")
+            raise DifferentError(f"`{name}` is not a valid path of an output file of a run")
         try:
             file = _open_whole(source / name, source.parent.parent)
         except OSError as error:
@@ -109,7 +109,7 @@ def _files(folder: Path, root: Path, *, strict: bool = True) -> Iterator[Path]:
             elif stat.S_ISREG(mode):
                 yield folder / name
             elif strict:
-                raise OSError(f"{folder / name} is no file")
+                raise OSError(f"{folder / name} is not a file")
 
 
 def checksum(path: Path, root: Path) -> str:

@@ -50,6 +50,7 @@ def _warn_of_names(folder: Path) -> None:
     for path in (folder / name for name in odd):
         if os.path.isdir(path):
             LOGGER.warning(
-                "%s: left out: no campaign or configuration has such a name. Rename it.",
+                "%s: skipped, because it is not a valid name of a campaign or configuration. "
+                "Rename it.",
                 one_line(str(path)),
             )

@@ -52,18 +52,18 @@ def _check_names(archive: Path, campaign: Path) -> None:
     """Refuse names that no campaign can have and that could deceive the reader."""
     if campaign.name.startswith((".", "_")):
         raise InputError(
-            f"{archive}: refused, because its campaign is called `{campaign.name}`: names of "
+            f"{archive}: rejected, because its campaign is called `{campaign.name}`: names of "
             "campaigns cannot begin with `.` or `_`. Nothing was imported."
         )
     for path in (campaign, *campaign.iterdir()):
         if one_line(path.name) != path.name:
             raise InputError(
-                f"{archive}: refused, because the name `{one_line(path.name)}` in it has "
-                "characters that terminals obey and do not show. Nothing was imported."
+                f"{archive}: rejected, because the name `{one_line(path.name)}` in it contains "
+                "control characters. Nothing was imported."
             )
     for run in Layout(campaign).misnumbered_runs():
         raise InputError(
-            f"{archive}: refused, because `{run}` cannot be the folder of a run: numbers of runs "
+            f"{archive}: rejected, because `{run}` cannot be the folder of a run: numbers of runs "
             "have at most nine digits and no leading zeros. Rename it. Nothing was imported."
         )
 
@@ -85,8 +85,8 @@ def _campaign_in(archive: Path, whole: Path) -> Path:
         return folder
     if len(several := [path.name for path in content if holds_campaign(path)]) > 1:
         raise InputError(
-            f"{archive}: contains {len(several)} campaigns ({_few(several)}). Make an archive of "
-            "each one. Nothing was imported."
+            f"{archive}: contains {len(several)} campaigns ({_few(several)}). Create an archive "
+            "of each campaign. Nothing was imported."
         )
     names = _few([path.name for path in content]) or "nothing"
     raise InputError(

@@ -93,10 +93,10 @@ class EntrypointExit(IntEnum):
 
 
 _MEANINGS = {
-    EntrypointExit.LACKING: "the image lacks what the run contract needs",
+    EntrypointExit.LACKING: "the image lacks a program that the container interface requires",
     EntrypointExit.COMMAND: "the pre command failed, or the post command cannot be run",
     EntrypointExit.OUTPUT: "an output folder cannot be written",
-    126: "a program could not be executed",
+    126: "a program could not be run",
     127: "a program was not found",
 }
 

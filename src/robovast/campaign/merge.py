@@ -146,9 +146,8 @@ def _check_runs(campaigns: Sequence[Path]) -> None:
             if other != path.name:
                 raise InputError(
                     f"{other} and {path.name} both contain the run "
-                    f"{place.parent.name}/{place.name}, which was executed once and would occur "
-                    "twice. Is one a copy of the other? Select the campaigns to merge with "
-                    "`--campaign`."
+                    f"{place.parent.name}/{place.name}, which would occur twice. One folder can "
+                    "be a copy of the other. Select the campaigns to merge with `--campaign`."
                 )
 
 

@@ -20,14 +20,19 @@ from robovast.model.document.section import PluginCall
 from robovast.model.document.source import KeyPath, Source
 from robovast.model.scenario import parameter_types
 
-_OTHER_PLACES = "the same seed gives other places than there"
+_OTHER_PLACES = "the same seed gives other places than in RoboVAST 1.x"
 _NOTES = {
-    "OneOfVariation": "counts on over all alternatives, configurations outside; there names repeat",
+    "OneOfVariation": (
+        "numbers the configurations of all alternatives consecutively; in RoboVAST 1.x, names "
+        "repeat"
+    ),
     "PathVariationRandom": _OTHER_PLACES,
-    "ObstacleVariation": f"{_OTHER_PLACES}, and obstacles are counted on over all items",
-    "ObstacleVariationWithDistanceTrigger": f"{_OTHER_PLACES}, and obstacles are counted on",
-    "FloorplanVariation": "a plan that cannot be built is drawn again; there it is passed on",
-    "FloorplanGeneration": "a plan that cannot be built is an error; there it is passed on",
+    "ObstacleVariation": f"{_OTHER_PLACES}, and the numbers of obstacles continue over all items",
+    "ObstacleVariationWithDistanceTrigger": (
+        f"{_OTHER_PLACES}, and the numbers of obstacles continue"
+    ),
+    "FloorplanVariation": "a plan that cannot be built is sampled again; RoboVAST 1.x uses it",
+    "FloorplanGeneration": "a plan that cannot be built is an error; RoboVAST 1.x uses it",
 }
 """Differences that affect any use of a variation type."""
 _SEEDED = frozenset(_NOTES) - {"OneOfVariation", "FloorplanGeneration"} | {
@@ -37,8 +42,8 @@ _SEEDED = frozenset(_NOTES) - {"OneOfVariation", "FloorplanGeneration"} | {
 _PLANS = {"FloorplanVariation": "variation_files", "FloorplanGeneration": "floorplans"}
 """Variation types of floor plans, and where they name files."""
 _PLAN_WORDS = {
-    r"\bDefault values\s*:": "`Default values:` is understood; there it is an error",
-    r"\d\s*(cm|mm)\b": "lengths in cm and mm are understood; there they are errors",
+    r"\bDefault values\s*:": "`Default values:` is valid; in RoboVAST 1.x, it is an error",
+    r"\d\s*(cm|mm)\b": "lengths in cm and mm are valid; in RoboVAST 1.x, they are errors",
 }
 
 
@@ -51,21 +56,29 @@ def differences(document: Document) -> list[Problem]:
 def _of_document(document: Document) -> Iterator[Problem]:
     source, vast = document.source, document.vast
     if not vast.configuration and vast.search is None:
-        yield source.problem((), "one configuration, `config1`, runs; there nothing did")
+        yield source.problem((), "one configuration, `config1`, runs; RoboVAST 1.x runs nothing")
     if source.is_followed:
-        yield source.problem((), "a second YAML document gives a warning; there it gives none")
+        yield source.problem(
+            (), ("a second YAML document causes a warning; RoboVAST 1.x does not warn")
+        )
     for index, pattern in enumerate(vast.execution.run_files):
         path: KeyPath = ("execution", "run_files", index)
         if not match_run_files(document.folder, pattern):
-            yield source.problem(path, f"`{pattern}` gives a warning; there it gives none")
+            yield source.problem(path, f"`{pattern}` causes a warning; RoboVAST 1.x does not warn")
         elif pattern.endswith("**"):
-            yield source.problem(path, f"`{pattern}` takes all that is below; there nothing")
+            yield source.problem(
+                path,
+                (f"`{pattern}` includes all files below; in RoboVAST 1.x, it includes nothing"),
+            )
     for path in contract_environment(source):
-        message = f"`{path[-1]}` keeps the value of the run contract; there it gets this one"
+        message = (
+            f"`{path[-1]}` keeps the value of the container interface; RoboVAST 1.x sets this value"
+        )
         yield source.problem(path, message, at_key=True)
     if vast.execution.timeout is not None:
         yield source.problem(
-            ("execution", "timeout"), "ends a run on this machine, too; there only on a cluster"
+            ("execution", "timeout"),
+            ("also stops a run on this machine; RoboVAST 1.x stops it only on a cluster"),
         )
     if campaign_prefix(vast.campaign_name) != campaign_prefix(vast.campaign_name, "._-"):
         message = (
@@ -97,7 +110,7 @@ def _of_texts(document: Document) -> Iterator[Problem]:
         (path, first), more = next(iter(values.items())), len(values) - 1
         stay = "stays" if not more else f"and {more} more value{'s' * (more > 1)} stay"
         prefix = "" if name in path else f"{name}: "
-        message = f"{prefix}{first!r} {stay} text; there YAML decides"
+        message = f"{prefix}{first!r} {stay} text; in RoboVAST 1.x, YAML decides"
         yield document.source.problem(path, message)
 
 
@@ -106,22 +119,22 @@ def _of_variation(call: PluginCall) -> Iterator[str]:
     if call.name in _NOTES:
         yield _NOTES[call.name]
     if call.name in _SEEDED and "seed" not in given:
-        yield "the seed follows from the configuration's name; there it is required"
+        yield "the seed is derived from the configuration's name; RoboVAST 1.x requires it"
 
 
 def _of_navigation(call: PluginCall) -> Iterator[str]:
     given = call.parameters
     if call.name == "PathVariationRasterized" and _several(given.get("num_goal_poses")):
-        yield "every path of several goals is made; there one a start at most"
+        yield "creates every path of several goals; RoboVAST 1.x creates at most one for each start"
     if call.name == "PathVariationRasterized" and isinstance(given.get("start_pose"), str):
-        yield "`start_pose` gets the start; there a name always fails"
+        yield "`start_pose` gets the start; in RoboVAST 1.x, a name always fails"
     if call.name == "PathVariationRandom" and any(map(_is_written, _poses(given))):
-        yield "poses that are written out are the path's; there they are ignored"
+        yield "explicit poses are used for the path; RoboVAST 1.x ignores them"
     if call.name in _PLANS and len(_listed(given.get("name"))) == 1:
-        yield "`name` has one item, for the map alone; there it must have two"
+        yield "`name` has one item, for the map alone; RoboVAST 1.x requires two"
     for key in ("name", "spawn_trigger_point", "spawn_trigger_threshold"):
         if any(str(value).startswith("@") for value in _listed(given.get(key))):
-            yield f"the `@` of `{key}` is dropped; there it becomes part of the name"
+            yield f"the `@` of `{key}` is dropped; in RoboVAST 1.x, it becomes part of the name"
 
 
 def _of_plans(document: Document) -> Iterator[Problem]:
@@ -144,7 +157,10 @@ def _of_postprocessing(document: Document) -> Iterator[Problem]:
         for index, call in enumerate(getattr(document.vast, section).postprocessing):
             path: KeyPath = (section, "postprocessing", index)
             if split_file_reference(call.name) is None and call.name not in plugins_of(GROUP):
-                message = "as long as it is not installed, it fails alone; there all commands do"
+                message = (
+                    "if it is not installed, only this command fails; in RoboVAST 1.x, all "
+                    "commands fail"
+                )
                 yield document.source.problem(path, f"{call.name}: {message}")
             plugins = _listed(call.parameters.get("plugins"))
             types = [plugin for plugin in plugins if isinstance(plugin, dict)]
@@ -155,11 +171,11 @@ def _of_postprocessing(document: Document) -> Iterator[Problem]:
 
 def _of_command(given: dict[str, Any]) -> Iterator[str]:
     if "workers" in given:
-        yield "`workers` has no effect; `-j` says how many runs are worked on side by side"
+        yield "`workers` has no effect; `-j` sets the number of runs that are processed in parallel"
     if "skip_levels" in given:
-        yield "`skip_levels` leaves these levels out; there it has no effect"
+        yield "`skip_levels` excludes these levels; in RoboVAST 1.x, it has no effect"
     if isinstance(given.get("min_level"), int):
-        yield "`min_level` counts as this number; there as DEBUG"
+        yield "`min_level` counts as this number; in RoboVAST 1.x, it counts as DEBUG"
 
 
 def _poses(given: dict[str, Any]) -> list[Any]:

@@ -43,7 +43,7 @@ def read_timeline(root: Path, relative: str) -> Timeline:
     """
     folder = resolved(root, relative)
     if not os.path.isdir(folder):
-        raise MissingError(f"{relative} is no folder.")
+        raise MissingError(f"{relative} is not a folder.")
     ticks: Ticks = Counter()
     bound = Bound()
     files = list(open_files(root, relative))

@@ -128,7 +128,7 @@ def _within(room: int, worst: Iterable[Worst]) -> list[Worst]:
     for one in worst:
         size = len(one.picture.encode())
         if size > room:
-            left_out = f"Its map would make the report {size // 1000} kB larger."
+            left_out = f"Its map would add {size // 1000} kB to the report."
             found.append(Worst(one.rate, one.variant, one.run, one.ending, "", left_out))
         else:
             found.append(one)

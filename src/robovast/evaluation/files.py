@@ -52,7 +52,7 @@ def list_files(results: Path, relative: str) -> list[FileEntry]:
     """
     folder = resolved(results, relative)
     if not os.path.isdir(folder):
-        raise MissingError(f"{relative} is no folder.")
+        raise MissingError(f"{relative} is not a folder.")
     entries = []
     for path, size in _walk(folder):
         name = _readable(path.relative_to(folder).as_posix())

@@ -33,7 +33,7 @@ def resolved(root: Path, relative: str) -> Path:
         MissingError: nothing exists there.
     """
     if "\0" in relative:
-        raise OutsideError(f"{relative!r} is no path.")
+        raise OutsideError(f"{relative!r} is not a valid path.")
     try:
         path = (root / relative).resolve(strict=True)
     except (FileNotFoundError, NotADirectoryError):
@@ -54,7 +54,7 @@ def open_inside(root: Path, relative: str) -> BufferedReader:
         raise MissingError(f"{relative} cannot be read: {error.strerror}.") from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
-        raise MissingError(f"{relative} is no file.")
+        raise MissingError(f"{relative} is not a file.")
     return os.fdopen(descriptor, "rb")
 
 

@@ -45,7 +45,7 @@ def in_bytes(amount: str) -> float:
     """
     match = _AMOUNT.fullmatch(amount)
     if match is None or match[2] not in _FACTORS:
-        raise ValueError(f"{amount} is not an amount of storage such as 20Gi")
+        raise ValueError(f"{amount} is not a valid size, such as 20Gi")
     return float(match[1]) * _FACTORS[match[2]]
 
 

@@ -162,7 +162,7 @@ class ShownSearch:
         values = [ev.objectives.get(name, ev.measures.get(name)) for ev in self._known]
         numbers = [value for value in values if value is not None]
         if not numbers:
-            raise InputError(f"`{name}` is no parameter and no number of the search.")
+            raise InputError(f"`{name}` is not a parameter or a number of the search.")
         axis = self._axes.get(name)
         low, high = (axis.low, axis.high) if axis else (min(numbers), max(numbers))
         length = min(high - low, sys.float_info.max) or 1.0
@@ -216,7 +216,7 @@ class ShownSearch:
 
     def _demand_map(self) -> None:
         if self.shown != "map":
-            raise InputError(f"The strategy `{self._search.strategy}` makes no failure map.")
+            raise InputError(f"The strategy `{self._search.strategy}` provides no failure map.")
 
 
 def _rounded(spots: Iterable[float]) -> list[float]:

@@ -104,7 +104,7 @@ def read_usage(root: Path, relative: str) -> Usage:
         try:
             places = [names.index(n) for n in ("timestamp", "cpu_percent", "memory_rss_bytes")]
         except ValueError:
-            raise InputError(f"{relative}: is no record of resource usage.") from None
+            raise InputError(f"{relative}: is not a record of resource usage.") from None
         for row in rows:
             time, cpu, memory = (_finite(_cell(row, place)) for place in places)
             if time is not None:
@@ -126,7 +126,7 @@ def _rows(file: BinaryIO, relative: str) -> Generator[list[str], None, None]:
                 yield [cell.replace("\0", "") for cell in row]
         except csv.Error as error:
             if not started:
-                raise InputError(f"{relative}: is no CSV file: {error}.") from None
+                raise InputError(f"{relative}: is not a valid CSV file: {error}.") from None
 
 
 def _thinned(rows: Iterable[_T]) -> tuple[list[_T], int, int]:

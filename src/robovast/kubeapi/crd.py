@@ -52,7 +52,7 @@ def campaign_crd() -> Schema:
         },
         {
             "rule": "self.attempt >= oldSelf.attempt && self.attempt <= oldSelf.attempt + 1",
-            "message": "`attempt` can only be raised, by one at a time",
+            "message": "`attempt` can only be increased by one",
             "fieldPath": ".attempt",
         },
     ]

@@ -70,11 +70,11 @@ class Notice(Lenient):
             case "Finished":
                 return f"{name} has passed" if self.verdict == "Passed" else f"{name} has failed"
             case "GivenUp":
-                return f"{name} was given up: {self.reason}"
+                return f"{name} was aborted: {self.reason}"
             case "Stalled":
                 return f"{name} needs help: {self.reason}"
             case "Recovered":
-                return f"{name} goes on"
+                return f"{name} continues"
             case "Started":
                 return f"{name} has started"
             case "Batch":

@@ -28,7 +28,9 @@ def inline_files(spec: Mapping[str, object]) -> Files:
         try:
             found[path] = base64.b64decode(data, validate=True)
         except binascii.Error as error:
-            raise ValueError(f"spec.source.inline.binaryFiles[{path}] is no base64") from error
+            raise ValueError(
+                f"spec.source.inline.binaryFiles[{path}] is not valid base64"
+            ) from error
     check_paths(found)
     return found
 

@@ -204,7 +204,7 @@ def _check_amounts(document: Document, context: str | None) -> None:
     if context is None and needs_context(document):
         raise InputError(
             f"{document.source.file}: resources have a value for each cluster, by the context of "
-            "the kubeconfig: say which with `--context`."
+            "the kubeconfig. Select one with `--context`."
         )
     try:
         check_amounts(document.vast.execution, context or "")
@@ -288,5 +288,5 @@ def _spec(
         )
     except ValidationError as error:
         wrong = (f"{'.'.join(map(str, e['loc']))}: {sentence(e)}" for e in error.errors())
-        raise InputError(f"no Campaign can be made of it: {'; '.join(wrong)}.") from None
+        raise InputError(f"cannot create a Campaign from it: {'; '.join(wrong)}.") from None
     return spec.model_dump(by_alias=True, exclude_defaults=True, mode="json")

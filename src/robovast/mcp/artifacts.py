@@ -70,8 +70,8 @@ class ArtifactTools:
         answer = {"text": content.decode("utf-8", "replace"), "total": total}
         if begin + len(content) < total:
             answer["cut"] = (
-                f"bytes {begin} to {begin + len(content) - 1} of {total}; "
-                f"go on with offset={begin + len(content)}"
+                f"bytes {begin} to {begin + len(content) - 1} of {total}; continue with "
+                f"offset={begin + len(content)}"
             )
         return answer
 
@@ -104,7 +104,7 @@ class ArtifactTools:
             "levels": found.counts,
         }
         if len(lines) < len(found.lines) or (lines and found.matches > len(found.lines)):
-            answer["cut"] = f"earlier lines match too; go on with before={lines[0][0]}"
+            answer["cut"] = f"earlier lines also match; continue with before={lines[0][0]}"
         if found.begin > 0:
             answer["part"] = (
                 f"only bytes {found.begin} to {found.end} of {found.size} were searched; line "

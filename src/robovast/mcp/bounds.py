@@ -62,7 +62,7 @@ def page(items: Sequence[Any], offset: int = 0, *, name: str = "items") -> dict[
     answer: dict[str, Any] = {name: chosen, "total": len(items)}
     end = begin + len(chosen)
     if end < len(items):
-        answer["cut"] = f"{name} {begin} to {end - 1} of {len(items)}; go on with offset={end}"
+        answer["cut"] = f"{name} {begin} to {end - 1} of {len(items)}; continue with offset={end}"
     return answer
 
 

@@ -16,21 +16,21 @@ from robovast.mcp.tools import add_tools
 _TAXONOMY = {
     "names": "<verb>_<resource>[_<detail>]",
     "verbs": {
-        "list": "what there is, a page at a time",
+        "list": "existing items, in pages",
         "get": "one thing in full",
-        "search": "what meets conditions",
+        "search": "items that meet conditions",
         "inspect": "statistics that are computed",
         "query": "SQL or SPARQL over all runs",
         "describe": "the server itself",
     },
     "resources": {
-        "campaign": "an experiment: a .vast file and a scenario, varied and executed",
+        "campaign": "an experiment: a .vast file and a scenario, run in several configurations",
         "configuration": "one set of parameters of a campaign",
         "run": "one execution of a configuration: verdict, reason, logs, files",
         "run_data": "the CSV files of runs, one by one or all as tables",
         "run_log": "a log of a run",
-        "artifact": "a file that a campaign used or made",
-        "provenance": "what made which file, from what",
+        "artifact": "a file that a campaign used or created",
+        "provenance": "inputs, tools and activities behind each file",
         "search": "a campaign whose configurations a strategy proposes, batch by batch",
         "search_sets": "the parameter sets of a search with their scores",
         "plugin": "an installed extension",
@@ -101,18 +101,18 @@ class OrientationTools:
             f"Why did runs of the campaign `{campaign}` not pass? Begin with `inspect_campaign`: "
             "which reasons there are, and which parameter values fail more often than others. "
             "Take one run of each reason (`search_runs`), read its failure (`get_run`) and the "
-            "errors in its log (`search_run_log`). Say for each reason how many runs it has, what "
-            "the evidence is (file and line), and whether the robot, the simulation or the test "
-            "is at fault. Say what you do not know."
+            "errors in its log (`search_run_log`). For each reason, give the number of runs, the "
+            "evidence (file and line), and the cause: robot, simulation or test. List open "
+            "questions."
         )
 
     def compare_campaigns(self, before: str, after: str) -> str:
         """Find out what changed between two campaigns."""
         return (
             f"What changed from the campaign `{before}` to `{after}`? Begin with "
-            "`inspect_campaign_comparison`. Tell what is statistically certain apart from what "
-            "chance can explain. Then look for the cause: compare `get_campaign` of both (image, "
-            "versions), and for a configuration that got worse a run of each (`get_run`)."
+            "`inspect_campaign_comparison`. Separate statistically certain changes from changes "
+            "that chance can explain. Then look for the cause: compare `get_campaign` of both "
+            "(image, versions), and for a configuration that got worse a run of each (`get_run`)."
         )
 
     def investigate_run(self, campaign: str, configuration: str, run: int) -> str:
@@ -120,7 +120,7 @@ class OrientationTools:
         return (
             f"What happened in run {run} of the configuration `{configuration}` of the campaign "
             f"`{campaign}`? Read `get_run`, then its log (`search_run_log`, errors first, then "
-            "what came before them) and the tables that bear on it (`get_run_data`). Compare it "
-            "with a run of the same configuration that passed, if there is one. End with the "
-            "command that repeats the run."
+            "the lines before them) and its tables (`get_run_data`). Compare it with a run of "
+            "the same configuration that passed, if there is one. End with the command that "
+            "repeats the run."
         )

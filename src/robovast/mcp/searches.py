@@ -61,7 +61,7 @@ class SearchTools:
             raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")
         root = self._library.results
         if not os.path.isdir(root / campaign / SEARCH):
-            raise InputError(f"{campaign} is no search, or has not proposed anything yet.")
+            raise InputError(f"{campaign} is not a search, or has no proposal yet.")
         resolved(root, f"{campaign}/{SEARCH}")
         return History(Layout(root / campaign)).batches
 

@@ -48,7 +48,7 @@ def _refusing(function: Callable[..., Any]) -> Callable[..., Any]:
     def tool(*args: Any, **kwargs: Any) -> Any:
         for name, value in kwargs.items():
             if isinstance(value, str) and ("\0" in value or _as_text(value) != value):
-                raise ToolError(f"`{name}` is no text.", log_level=logging.DEBUG)
+                raise ToolError(f"`{name}` is not valid text.", log_level=logging.DEBUG)
         try:
             return _as_text(function(*args, **kwargs))
         except RobovastError as error:

@@ -138,7 +138,7 @@ def parse_disk(value: Any) -> int:
 def _parse_bytes(value: Any, what: str) -> float:
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)", str(value).strip())
     if not match or match[2] not in _UNITS:
-        raise ValueError(f"`{value}` is not an amount of {what}; write `8Gi` or `4096Mi`.")
+        raise ValueError(f"`{value}` is not a valid quantity of {what}; write `8Gi` or `4096Mi`.")
     found = float(match[1]) * _UNITS[match[2]]
     if found > _MOST_BYTES:
         raise ValueError(f"`{value}` is more {what} than any machine has; write `8Gi` or `4096Mi`.")
@@ -191,7 +191,9 @@ def gpu_resource(value: Any, context: str) -> str:
     key = "execution.kubernetes.gpu_resource"
     found = str(resolve_per_context(value, context, key))
     if not re.fullmatch(EXTENDED_RESOURCE, found):
-        raise InputError(f"{key}: `{found}` is no name of a resource, such as `nvidia.com/gpu`.")
+        raise InputError(
+            f"{key}: `{found}` is not a valid name of a resource, such as `nvidia.com/gpu`."
+        )
     return found
 
 
@@ -211,8 +213,8 @@ def disk(value: Any, context: str, most: str) -> int | None:
     limit = memory(most, "agent.diskLimit") if most else None
     if found is not None and (found <= 0 or found > (limit or found)):
         allowed = (
-            f" and no more than {most}, which this installation allows; whoever keeps the cluster "
-            "can raise that (`agent.diskLimit` of the chart)"
+            f" and no more than {most}, the limit of this installation; your administrator can "
+            "raise it (`agent.diskLimit` of the chart)"
         )
         raise InputError(f"{key}: a pod's disk must be more than nothing{allowed if most else ''}.")
     return found

@@ -119,5 +119,5 @@ def parse_list(name: str, content: bytes) -> list[Span]:
     """
     text = content.decode()
     if list_name(text) != name:
-        raise ValueError("it is not what was stored under that name")
+        raise ValueError("it differs from the stored file of this name")
     return parse_ranges(text)

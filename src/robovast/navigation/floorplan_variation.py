@@ -255,8 +255,8 @@ class FloorplanVariation(_FloorplanVariation):
                 drawn = distributions.draw(seed)
             except DocumentError as error:
                 raise InputError(
-                    f"{path}: no sound floor plan was found for the seed {seed}: {error}\n"
-                    "    Narrow the distributions."
+                    f"{path}: no valid floor plan was found for the seed {seed}: {error}\n    "
+                    "Narrow the distributions."
                 ) from None
             yield self._written(f"{drawn.name}_{seed}", path.stem, drawn, read_about(base), base)
 

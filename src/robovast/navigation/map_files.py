@@ -137,7 +137,9 @@ def _mapping(content: bytes, name: str) -> dict[Any, Any]:
     except (yaml.YAMLError, ValueError, TypeError, RecursionError) as error:
         raise InputError(f"the map {name} cannot be read: not valid YAML: {error}") from error
     if node is None or not isinstance(data, dict):
-        raise InputError(f"{name} is no map: it must be a mapping with `image` and `resolution`.")
+        raise InputError(
+            f"{name} is not a valid map: it must be a mapping with `image` and `resolution`."
+        )
     for key, times in Counter(key.value for key, _ in node.value).items():
         if times > 1:
             raise InputError(f"the map {name}: `{key}` occurs several times; remove all but one.")

@@ -51,7 +51,7 @@ class ObstacleKindConfig(NavigationConfig):
     @model_validator(mode="after")
     def _check_amount(self) -> ObstacleKindConfig:
         if (self.amount is None) == (self.amount_per_m is None):
-            raise ValueError("give `amount` or `amount_per_m`, one of both")
+            raise ValueError("set either `amount` or `amount_per_m`")
         return self
 
     @field_validator("xacro_arguments")

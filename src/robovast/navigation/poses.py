@@ -55,8 +55,8 @@ def read_pose(value: Any) -> Pose:
             if all(_is_number(number) for number in numbers):
                 return Pose(*map(float, numbers))
     raise ValueError(
-        f"{value!r} is no pose: write `{{x: 1.0, y: 2.0, yaw: 0.0}}` in metres and radians, or "
-        "`{position: {x: 1.0, y: 2.0}, orientation: {yaw: 0.0}}`"
+        f"{value!r} is not a valid pose: write `{{x: 1.0, y: 2.0, yaw: 0.0}}` in meters and "
+        "radians, or `{position: {x: 1.0, y: 2.0}, orientation: {yaw: 0.0}}`"
     )
 
 

@@ -58,15 +58,15 @@ def raster_paths(costmap: Costmap, raster: Raster, wish: Wish) -> Iterator[Path]
             count += 1
             if count > MOST_PATHS:
                 raise NoPathError(
-                    f"a raster of {raster.size:g} m gives more than {MOST_PATHS} paths; make it "
-                    "wider, or ask for fewer goals or one start"
+                    f"a grid of {raster.size:g} m gives more than {MOST_PATHS} paths; use a wider "
+                    "grid, fewer goals or one start"
                 )
             yield finished(draft, wish.start)
     if not count:
         raise NoPathError(
-            f"no path of {wish.length:g} m (± {wish.tolerance:g} m) leads over the {len(points)} "
-            f"points of a raster of {raster.size:g} m where a robot of {2 * costmap.radius:g} m "
-            "can be; make it finer, or allow another length"
+            f"no path of {wish.length:g} m (± {wish.tolerance:g} m) connects the {len(points)} "
+            f"grid points that a robot of {2 * costmap.radius:g} m can reach (grid of "
+            f"{raster.size:g} m); use a finer grid or another length"
         )
 
 

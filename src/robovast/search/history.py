@@ -280,7 +280,9 @@ class History:
             raise self._wrong(number, "", "has not one name in `configs` for each of its `sets`")
         for name in proposal.configs:
             if name in {"", ".", ".."} or Path(name).name != name or "\0" in name:
-                raise self._wrong(number, "", f"`{name}` in `configs` is no configuration's name")
+                raise self._wrong(
+                    number, "", (f"`{name}` in `configs` is not the name of a configuration")
+                )
         return proposal
 
     def _scores(self, number: int, proposal: Proposal) -> Outcome:

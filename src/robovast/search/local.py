@@ -219,7 +219,9 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
             elapsed=lambda: watch.seconds,
         )
         if session.options.runs is not None and rounds.stop() is not None:
-            told.message("--runs has no effect, since the search has ended: give `--batches`, too.")
+            told.message(
+                "--runs has no effect, because the search has ended; also set `--batches`."
+            )
         with campaign.working():
             stop = rounds.run()
         report = rounds.report()

@@ -71,13 +71,13 @@ def trace(error: BaseException) -> str:
 
 
 def _cannot_be_made(document: Path, what: str, error: BaseException) -> InputError:
-    return InputError(f"{document}: {what} cannot be made: {raised(error)}")
+    return InputError(f"{document}: {what} cannot be created: {raised(error)}")
 
 
 def _checked(made: Any, kind: Any, name: str, what: str) -> Any:
     if not isinstance(made, kind):
         raise InputError(
-            f"`{name}` is no {what}: it must be a class that inherits from "
+            f"`{name}` is not a valid {what}: it must be a class that inherits from "
             f"{kind.__module__}.{kind.__name__}"
         )
     return made

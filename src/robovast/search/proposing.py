@@ -75,7 +75,7 @@ def _unreadable(document: Document, error: BaseException) -> RobovastError:
     """The error about a proposal: what is wrong with it, or what it raises when it is read."""
     if isinstance(error, RobovastError):
         return error
-    return _error(document, f"proposed what cannot be read: {raised(error)}")
+    return _error(document, f"the proposal cannot be read: {raised(error)}")
 
 
 def _error(document: Document, message: str) -> InputError:
@@ -118,9 +118,10 @@ def expand_sets(
         made = names[f"c{id_}"]
         if len(made) != 1:
             raise InputError(
-                f"{document.path}: the `variations` of the search make {len(made)} configurations "
-                f"of the parameter set {params.values}, and must make exactly one. Give every key "
-                "that multiplies a single value, such as `num_paths: 1`."
+                f"{document.path}: the `variations` of the search create {len(made)} "
+                f"configurations of the parameter set {params.values}, but must create exactly "
+                "one. Set every key that creates several configurations to a single value, such "
+                "as `num_paths: 1`."
             )
     return composition, {id_: names[f"c{id_}"][0] for id_ in unique}
 

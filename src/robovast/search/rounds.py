@@ -279,8 +279,8 @@ class Rounds:
             if not blocks:
                 return
             self.campaign.observer.message(
-                f"{len(blocks)} of {len(batch.proposal.sets)} sets came to no verdict; "
-                "they are run once more."
+                f"{len(blocks)} of {len(batch.proposal.sets)} sets have no verdict; they are run "
+                "again."
             )
             self.history.repeat(batch, blocks)
             self.campaign.plan(blocks)
@@ -315,7 +315,7 @@ class Rounds:
         scores = tuple(fresh.get(id_) or known[id_] for id_ in configs)
         for scored in fresh.values():
             if scored.error:
-                self.campaign.observer.message(f"{configs[scored.id]} is left out: {scored.error}")
+                self.campaign.observer.message(f"{configs[scored.id]} is skipped: {scored.error}")
         provisional = Outcome(scores, 0.0, 0.0)
         batch.outcome = provisional
         with self._calling("tell"):

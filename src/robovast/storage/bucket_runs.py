@@ -111,7 +111,7 @@ def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
     key = f"{run.path}/{RUN_RECORD}"
     look = store.look(bucket, key)
     if look is None:
-        raise ObjectError(f"{bucket}/{key} is gone: it was removed meanwhile.")
+        raise ObjectError(f"{bucket}/{key} is missing: it was removed during the download.")
     record = parse_run_record(look.content)
     if record is None or record.files is None:
         found = _files_beside(run)

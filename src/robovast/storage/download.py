@@ -326,7 +326,7 @@ class _Fetching:
             names = sorted(self._broken)
             told = " ".join(f"{name}: {self._broken[name]}" for name in names[:MOST_TOLD])
             more = f" … and {len(names) - MOST_TOLD} more." if len(names) > MOST_TOLD else ""
-            raise StorageError(f"All is fetched but {len(names)} runs or files. {told}{more}")
+            raise StorageError(f"Downloaded all except {len(names)} runs or files. {told}{more}")
 
 
 @contextlib.contextmanager
@@ -364,10 +364,10 @@ def _explained(campaign: Path) -> Iterator[None]:
         yield
     except RobovastError as error:
         raise type(error)(
-            f"{error} What was fetched stays; repeat the command to go on."
+            f"{error} The downloaded files are kept; repeat the command to continue."
         ) from error
     except OSError as error:
         raise StorageError(
-            f"{error.filename or campaign}: cannot be written: {cause(error)}. What was fetched "
-            "stays; repeat the command to go on."
+            f"{error.filename or campaign}: cannot be written: {cause(error)}. The downloaded "
+            "files are kept; repeat the command to continue."
         ) from error

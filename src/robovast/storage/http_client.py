@@ -170,8 +170,8 @@ class HttpClient:
             data = None
         if not isinstance(data, dict):
             raise StorageError(
-                f"{self.name}: the answer is no JSON object, so this is another kind of server. "
-                "Is the address right?"
+                f"{self.name}: the answer is not a JSON object, so this is another kind of "
+                "server. Check the address."
             )
         return data
 

@@ -117,7 +117,7 @@ class ObjectStore:
 
     def make_bucket(self, bucket: str) -> None:
         """Create a bucket unless it exists."""
-        with self._explained(f"make the bucket {bucket}"):
+        with self._explained(f"create the bucket {bucket}"):
             if self._has_bucket(bucket):
                 return
             try:
@@ -471,7 +471,7 @@ def _verify(name: str, noted: str, found: str) -> None:
     if noted and noted != found:
         raise ObjectError(
             f"{name} is damaged: its SHA-256 is {found}, its writer recorded {noted}. If that "
-            "happens again, the object in the bucket is broken."
+            "happens again, the object in the bucket is damaged."
         )
 
 
@@ -482,5 +482,5 @@ def _verify_size(name: str, expected: int, offset: int, headers: Mapping[str, st
     if length is not None and offset + length != expected:
         raise ObjectError(
             f"{name} is damaged: it has {offset + length} bytes, its writer recorded {expected}. "
-            "If that happens again, the object in the bucket is broken."
+            "If that happens again, the object in the bucket is damaged."
         )

@@ -146,14 +146,14 @@ def _text(error: Exception) -> str:
         return f"{reason}. Is an S3 server at this address, and can it be reached from here?"
     cause = f"{(error.message or 'no reason given').rstrip('.')} ({error.code})"
     code = _SKEWED if _is_of_clocks(error) else error.code or ""
-    remedy = _REMEDIES.get(code, "The server's own log may tell more.")
+    remedy = _REMEDIES.get(code, "Read the log of the server.")
     return f"{cause}. {remedy}"
 
 
 _OF_ONE_OBJECT = frozenset({"InvalidRange", "NoSuchKey", "PreconditionFailed"})
 _OTHER_KEYS = (
-    "The server has no account with this access key: the keys are those of another server, or "
-    "outdated. Pods use the keys in the Secret of the Campaign's namespace (default: "
+    "The server has no account with this access key: the keys are outdated or belong to another "
+    "server. Pods use the keys in the Secret of the Campaign's namespace (default: "
     "`robovast-storage`)."
 )
 _REMEDIES = {
@@ -161,11 +161,11 @@ _REMEDIES = {
     "InvalidAccessKeyId": _OTHER_KEYS,
     "KeyTooLongError": "S3 takes names of 1,024 bytes, folders included.",
     "SignatureDoesNotMatch": "Check the secret key.",
-    "NoSuchKey": "It was there; was it removed meanwhile?",
+    "NoSuchKey": "It existed; check whether it was removed.",
     "NoSuchBucket": "Is it the right server, or was the bucket removed?",
-    "PreconditionFailed": "It has changed meanwhile; try again.",
+    "PreconditionFailed": "It has changed; try again.",
     _SKEWED: "Its clock and the one here are too far apart: set the wrong one.",
     "XAdminUserNotFound": _OTHER_KEYS,
     "XMinioAdminBucketQuotaExceeded": "Raise the bucket's quota.",
-    "XMinioStorageFull": "Make room on the server; what is stored stays.",
+    "XMinioStorageFull": "Free space on the server. Stored objects are kept.",
 }

@@ -64,7 +64,7 @@ error: 1 problem in bad.vast
     "outputs that cannot be compared": (
         HEAD + TAIL + "  compare: [{out.csv: much}, {a.csv: -1}, 3]\n",
         """\
-bad.vast:4:13: execution.compare[0]: the tolerance of `out.csv` is no number
+bad.vast:4:13: execution.compare[0]: the tolerance of `out.csv` is not a number
 bad.vast:4:30: execution.compare[1]: must be at least 0, not -1
 bad.vast:4:43: execution.compare[2]: must be a glob pattern, or one with its tolerance, not 3
 error: 3 problems in bad.vast
@@ -84,7 +84,7 @@ error: 2 problems in bad.vast
         HEAD + "execution:\n  scenario_file: drvie.osc\n",
         """\
 bad.vast:3:18: execution.scenario_file: there is no scenario file {folder}/drvie.osc
-    Beside the .vast file: drive.osc.
+    Files next to the .vast file: drive.osc.
 error: 1 problem in bad.vast
 """,
     ),
@@ -131,7 +131,7 @@ error: 3 problems in bad.vast
         + "configuration:\n- name: a\n- name: a\n- name: a/b\n- name: ..\n- name: campaign.db\n"
         + TAIL,
         """\
-bad.vast:4:9: configuration[1].name: the name `a` stands twice; the first is configuration[0]
+bad.vast:4:9: configuration[1].name: the name `a` occurs twice; the first is configuration[0]
     Results are kept by name: give each configuration its own.
 bad.vast:5:9: configuration[2].name: `a/b` cannot name a folder: use letters, digits, `-`, `_` \
 and `.`, beginning with a letter or digit, at most 100
@@ -148,14 +148,14 @@ error: 4 problems in bad.vast
     "an alias of what it is part of": (
         HEAD + "metadata: &all\n  again: *all\n" + TAIL,
         """\
-bad.vast:2:11: not valid YAML: an alias (`*name`) refers to what it is part of
+bad.vast:2:11: not valid YAML: an alias (`*name`) refers to a value that contains the alias
 error: 1 problem in bad.vast
 """,
     ),
     "a key twice": (
         HEAD + TAIL + "version: 1\n",
         """\
-bad.vast:4:1: the key `version` stands twice in one mapping, first in line 1; YAML would keep \
+bad.vast:4:1: the key `version` occurs twice in one mapping, first in line 1; YAML would keep \
 only the last
 error: 1 problem in bad.vast
 """,
@@ -181,9 +181,9 @@ def test_run_files_that_are_not_there_are_a_warning(vast, folder: Path) -> None:
         f"warning: bad.vast:5:5: execution.run_files[0]: `files/*.py` matches no file in {folder}\n"
         "    Patterns are relative to the .vast file and stay in its folder.\n"
         "differs from the original RoboVAST: bad.vast:1:1: one configuration, `config1`, runs; "
-        "there nothing did\n"
+        "RoboVAST 1.x runs nothing\n"
         "differs from the original RoboVAST: bad.vast:5:5: execution.run_files[0]: `files/*.py` "
-        "gives a warning; there it gives none\n"
+        "causes a warning; RoboVAST 1.x does not warn\n"
     )
 
 
@@ -247,7 +247,7 @@ BAD = [
     (
         [*RUN, "/proc/x"],
         5,
-        "/proc/x: results cannot be written there: no folder can be made in it.",
+        "/proc/x: results cannot be written there: no folder can be created in it.",
     ),
     ([*RUN, "a" * 300], 5, "cannot be used (a name is too long), and results go into"),
     ([*RUN, "b\udcff"], 5, "the path is not text in UTF-8."),
@@ -323,9 +323,10 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
     assert outcome.code == 2
     for said in (
         "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`.",
-        "resources.memory: `8Gx` is not an amount of memory; write `8Gi` or `4096Mi`.",
-        "resources.shm_size: `much` is not an amount of memory; write `8Gi` or `4096Mi`.",
-        "kubernetes.ephemeral_storage: `1GB` is not an amount of disk; write `8Gi` or `4096Mi`.",
+        "resources.memory: `8Gx` is not a valid quantity of memory; write `8Gi` or `4096Mi`.",
+        "resources.shm_size: `much` is not a valid quantity of memory; write `8Gi` or `4096Mi`.",
+        "kubernetes.ephemeral_storage: `1GB` is not a valid quantity of disk; write `8Gi` or "
+        "`4096Mi`.",
     ):
         assert re.search(rf"^bad\.vast:\d+:\d+: execution\.{re.escape(said)}$", outcome.err, re.M)
 

@@ -164,7 +164,7 @@ def test_an_archive_is_imported(vast, results: Path, tmp_path: Path) -> None:
     (tmp_path / "evil.tar.gz").write_bytes(archive_of("../evil"))
     outcome = vast("import-results", "evil.tar.gz")
     assert outcome.code == 2
-    assert "refused, because `../evil` is outside" in outcome.err
+    assert "rejected, because `../evil` is outside" in outcome.err
 
 
 def archive_of(name: str) -> bytes:

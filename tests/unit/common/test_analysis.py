@@ -91,7 +91,7 @@ def test_what_a_reader_calls_run_is_replaced(campaign: Path) -> None:
 
 def test_a_run_without_the_file_is_left_out_with_a_warning(campaign: Path) -> None:
     (campaign / "b" / "1" / "out.csv").unlink()
-    with pytest.warns(UserWarning, match="1 of 4 runs are left out: b/1: it has no out.csv$"):
+    with pytest.warns(UserWarning, match="1 of 4 runs are skipped: b/1: it has no out.csv$"):
         frame = read_output_files(campaign, read)
     assert len(frame) == 3
     empty = read_output_files(campaign, lambda _: None)
@@ -101,7 +101,7 @@ def test_a_run_without_the_file_is_left_out_with_a_warning(campaign: Path) -> No
 def test_runs_that_are_left_out_are_one_warning(campaign: Path) -> None:
     for config in ("a-1", "b"):
         (campaign / config / "1" / "out.csv").write_text("")
-    expected = r"^2 of 4 runs are left out: a-1/1: EmptyDataError: .* \(and 1 more\)$"
+    expected = r"^2 of 4 runs are skipped: a-1/1: EmptyDataError: .* \(and 1 more\)$"
     with pytest.warns(UserWarning, match=expected) as told:
         assert len(read_output_files(campaign, read)) == 2
     assert len(told) == 1
@@ -215,7 +215,7 @@ def test_topics_of_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     )
     print_bag_topics(tmp_path)
     assert capsys.readouterr().out == "/tf  tf2_msgs/msg/TFMessage  7\n"
-    with pytest.raises(ValueError, match="is no bag"):
+    with pytest.raises(ValueError, match="is not a valid bag"):
         print_bag_topics(tmp_path, "absent")
 
 

@@ -66,12 +66,12 @@ def test_parameters_that_stay_text_are_named(tmp_path: Path, text: str) -> None:
             "ParameterVariationDistributionUniform: "
             "{name: speed, num_variations: 2, min: 0, max: 1}",
             6,
-            "the seed follows from the configuration's name",
+            "the seed is derived from the configuration's name",
         ),
         (
             "OneOfVariation: {variations: [{ParameterVariationList: {name: speed, values: [1]}}]}",
             6,
-            "counts on over all alternatives",
+            "numbers the configurations of all alternatives",
         ),
     ],
 )
@@ -88,12 +88,12 @@ def test_a_variation_that_differs_is_named_with_its_place(
     [
         (
             "PathVariationRasterized: {start_pose: start, path_length: 5, raster_size: 1}",
-            "there a name always fails",
+            "a name always fails",
         ),
         (
             "PathVariationRandom: {start_pose: '@s', path_length: 5, "
             "goal_poses: [{position: {x: 1, y: 1}}]}",
-            "written out",
+            "explicit poses are used",
         ),
         (
             "FloorplanVariation: {name: [map], num_variations: 1, variation_files: [a.variation]}",
@@ -120,8 +120,8 @@ def test_words_of_floor_plans_are_named_in_their_file(tmp_path: Path) -> None:
     text = "FloorplanVariation: {name: [m, n], num_variations: 1, variation_files: [a.variation]}"
     found = [item for item in met(tmp_path, variation(text)) if "plan.fpm" in item]
     assert [item.rpartition("plan.fpm:")[2] for item in found] == [
-        "1:1: `Default values:` is understood; there it is an error",
-        "2:15: lengths in cm and mm are understood; there they are errors",
+        "1:1: `Default values:` is valid; in RoboVAST 1.x, it is an error",
+        "2:15: lengths in cm and mm are valid; in RoboVAST 1.x, they are errors",
     ]
 
 
@@ -136,7 +136,7 @@ results_processing:
 """
     same = variation("ParameterVariationList: {name: speed, values: [1, 2]}")
     found = met(tmp_path, same, commands)
-    words = ["`workers` has no effect", "`min_level` counts", "`skip_levels` leaves"]
+    words = ["`workers` has no effect", "`min_level` counts", "`skip_levels` excludes"]
     assert [word in item for word, item in zip(words, found, strict=True)] == [True] * 3
 
 
@@ -145,10 +145,12 @@ def test_differences_of_the_document_are_named(tmp_path: Path) -> None:
     (tmp_path / "files" / "x").write_text("")
     found = met(tmp_path, "", "  run_files: [files/**]\n  timeout: 60\n", "my_drive")
     assert [item.partition(": ")[2] for item in found] == [
-        "one configuration, `config1`, runs; there nothing did",
+        "one configuration, `config1`, runs; RoboVAST 1.x runs nothing",
         "metadata.name: results go into `my-drive-…`, and `run.sh` keeps `_`",
-        "execution.run_files[0]: `files/**` takes all that is below; there nothing",
-        "execution.timeout: ends a run on this machine, too; there only on a cluster",
+        "execution.run_files[0]: `files/**` includes all files below; in "
+        "RoboVAST 1.x, it includes nothing",
+        "execution.timeout: also stops a run on this machine; RoboVAST 1.x stops it "
+        "only on a cluster",
     ]
 
 
@@ -158,10 +160,10 @@ def test_what_has_no_effect_here_alone_is_named(tmp_path: Path) -> None:
     own.mkdir()
     found = met(own, "configuration: [{name: a}]\n", text + "  postprocessing: [foo]\n---\n")
     assert [item.partition(": ")[2] for item in found] == [
-        "a second YAML document gives a warning; there it gives none",
-        "execution.run_files[0]: `../**` gives a warning; there it gives none",
-        "execution.env[0].SCENARIO_FILE: `SCENARIO_FILE` keeps the value of the run contract; "
-        "there it gets this one",
-        "results_processing.postprocessing[0]: foo: as long as it is not installed, it fails "
-        "alone; there all commands do",
+        "a second YAML document causes a warning; RoboVAST 1.x does not warn",
+        "execution.run_files[0]: `../**` causes a warning; RoboVAST 1.x does not warn",
+        "execution.env[0].SCENARIO_FILE: `SCENARIO_FILE` keeps the value of the container "
+        "interface; RoboVAST 1.x sets this value",
+        "results_processing.postprocessing[0]: foo: if it is not installed, only this "
+        "command fails; in RoboVAST 1.x, all commands fail",
     ]

@@ -139,9 +139,7 @@ def test_few_bytes_that_stand_for_gigabytes_of_pixels_are_left_out(tmp_path: Pat
         bag.picture(1.0, bytes(bomb), "/sight")
     found = opened(tmp_path / "bag").pictures(0)
     assert [at for at, *_ in found.frames] == [0.0]
-    assert found.remarks == [
-        "/sight has pictures of more than 34 million pixels, which are left out."
-    ]
+    assert found.remarks == ["/sight has images of more than 34 million pixels, which are skipped."]
 
 
 def test_pictures_whose_stamps_jump_back_are_shown_in_their_order() -> None:
@@ -186,11 +184,11 @@ def test_what_is_no_picture_is_left_out_and_said(
     found = opened(tmp_path / "bag").pictures(0)
     kinds = [(at, kind) for at, kind, _ in found.frames]
     assert kinds == [(0.0, "image/png"), (1.0, "image/webp"), (2.0, "image/jpeg")]
-    assert found.remarks == ["/sight has messages that are no picture in JPEG, PNG or WebP."]
+    assert found.remarks == ["/sight has messages that are not images in JPEG, PNG or WebP."]
     monkeypatch.setattr(pictures, "_MOST_BYTES", sum(map(len, found.content)) - 1)
     less = opened(tmp_path / "bag").pictures(0)
     assert len(less.frames) == 2
-    assert "some are left out from 2 s on" in less.remarks[0]
+    assert "some are skipped after 2 s" in less.remarks[0]
 
 
 def test_a_camera_that_is_named_wrong_is_said(tmp_path: Path) -> None:
@@ -315,7 +313,7 @@ def test_a_damaged_chunk_takes_nothing_else_with_it(tmp_path: Path) -> None:
     before, frame, after = path.read_bytes().rpartition(b"\x28\xb5\x2f\xfd")
     path.write_bytes(before + bytes(len(frame)) + after)
     drive = opened(folder)
-    assert "is left out" in remarks_of(drive)
+    assert "is skipped" in remarks_of(drive)
     assert 500 < sum(len(part.times) for part in parts_of(drive)) < 2000
 
 
@@ -383,7 +381,7 @@ def test_a_laser_without_a_mount_is_shown_in_the_middle(tmp_path: Path) -> None:
         bag.scan(0.5, [1.0, math.inf, math.nan, 20.0], frame="unknown")
     drive = opened(tmp_path / "bag")
     assert parts_of(drive)[0].scans == [(0.5, [100, 0])]
-    assert "where the laser of /scan is mounted" in remarks_of(drive)
+    assert "The position of the laser of /scan on the robot is unknown" in remarks_of(drive)
     assert "No transform leads from the poses' frame to `map`" in remarks_of(drive)
 
 
@@ -493,4 +491,4 @@ def test_messages_that_memory_cannot_hold_are_left_out_and_said(
                 moved = [bag.transform("map", "a" * 100_000, at, (0.0, 0.0, 0.0))]
                 bag.write(topic, bag.make("tf2_msgs/msg/TFMessage", moved), at)
     drive = opened(tmp_path / "rosbag2")
-    assert f"The messages around one on {topic} take more than 1 MiB" in remarks_of(drive)
+    assert f"The messages near one message on {topic} take more than 1 MiB" in remarks_of(drive)

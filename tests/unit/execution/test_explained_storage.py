@@ -27,6 +27,5 @@ def test_a_campaign_that_has_begun_is_continued(tmp_path: Path) -> None:
 
 def test_one_that_could_not_be_written_cannot_be_continued(tmp_path: Path) -> None:
     assert said(tmp_path) == (
-        f"{tmp_path}: the disk is full. Nothing was executed. Free some space, then repeat the "
-        "command."
+        f"{tmp_path}: the disk is full. Nothing was run. Free some space, then repeat the command."
     )

@@ -139,7 +139,7 @@ def test_the_context_counts_when_values_are_given_per_cluster(folder: Path, give
 @pytest.mark.parametrize(
     ("context", "message"),
     [
-        (None, "resources have a value for each cluster.* say which with `--context`"),
+        (None, "resources have a value for each cluster.* Select one with `--context`"),
         (
             "lab",
             r"resources\.cpu of nav has no value for `lab`; it has values for gcp-c4, local",
@@ -161,11 +161,14 @@ def test_amounts_for_other_clusters_alone_are_refused(
     ("given", "message"),
     [
         ("resources: {cpu: 4 cores}", r"resources\.cpu of execution: `4 cores` is not a number"),
-        ("resources: {shm_size: much}", r"execution\.resources\.shm_size: `much` is not an amount"),
+        (
+            "resources: {shm_size: much}",
+            r"execution\.resources\.shm_size: `much` is not a valid quantity",
+        ),
         ("resources: {shm_size: 2Gi, memory: 1Gi}", "no more than `memory`"),
         (
             "kubernetes: {ephemeral_storage: 1GB}",
-            r"storage: `1GB` is not an amount of disk",
+            r"storage: `1GB` is not a valid quantity of disk",
         ),
         ("kubernetes: {ephemeral_storage: 20}", r"\.ephemeral_storage: `20` is .* mean `20Gi`"),
         ("secondary_containers: [{nav: {resources: {memory: 4}}}]", r"of nav: `4` is 4 bytes"),

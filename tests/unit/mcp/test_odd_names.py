@@ -39,5 +39,5 @@ def test_a_run_with_a_file_whose_name_is_no_text_is_told(results: Path) -> None:
 
 @pytest.mark.parametrize("name", ["a\0b", "a\ud800"])
 def test_a_question_with_such_a_name_is_refused(results: Path, name: str) -> None:
-    with pytest.raises(ToolError, match="`configuration` is no text"):
+    with pytest.raises(ToolError, match="`configuration` is not valid text"):
         call(results, "get_configuration_history", campaign=NAME, configuration=name)

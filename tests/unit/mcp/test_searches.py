@@ -74,7 +74,7 @@ def test_batches_that_are_links_out_are_not_read(tools: SearchTools, tmp_path: P
 
 
 def test_what_is_no_search_is_refused(tools: SearchTools) -> None:
-    with pytest.raises(InputError, match="is no search"):
+    with pytest.raises(InputError, match="is not a search"):
         tools.get_search("plain-2026-11-22-120000")
     with pytest.raises(RobovastError, match="There is no campaign"):
         tools.get_search("../elsewhere")

@@ -107,11 +107,15 @@ def test_what_is_written_is_read_again(written) -> None:
             "Spacex left:",
             ":11:5: `Spacex` does not fit here\n    Did you mean `Space`?",
         ),
-        ("width=0.9 m", "width=0.9 ft", ":36:36: `ft` is no unit here\n    Units are mm, cm"),
+        (
+            "width=0.9 m",
+            "width=0.9 ft",
+            ":36:36: `ft` is not a valid unit here\n    Units are mm, cm",
+        ),
         (
             "width=0.9 m",
             "width=",
-            ":36:32: `,` does not fit here\n    Here stands a number, `-` or a",
+            ":36:32: `,` does not fit here\n    Expected a number, `-` or a",
         ),
         ("width=0.9 m", "width=-0.9 m", ":36:32: the width must be above 0 m, not -0.9 m"),
         ("radius=0.25 m", "radius=0 m", ":19:38: the radius must be above 0 m"),
@@ -136,9 +140,9 @@ def test_an_error_names_line_and_column(written, old: str, new: str, reason: str
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", ":1:1: the file is empty\n    Here stands `Floor`."),
-        ("Floor plan:", ": the file ends too early\n    Here stands a name."),
-        ("Floor plan x", ":1:12: `x` does not fit here\n    Here stands `:`."),
+        ("", ":1:1: the file is empty\n    Expected `Floor`."),
+        ("Floor plan:", ": the file ends too early\n    Expected a name."),
+        ("Floor plan x", ":1:12: `x` does not fit here\n    Expected `:`."),
     ],
 )
 def test_what_is_no_floor_plan_is_told_in_words(written, text: str, told: str) -> None:

@@ -68,7 +68,7 @@ def test_a_written_map_is_read_again(tmp_path: Path) -> None:
         (TEXT.replace("0.1", "-0.1"), "`resolution` must be a number above 0, not -0.1"),
         (TEXT.replace("0.0]", "1.57]"), "a rotated map is not supported"),
         (TEXT.replace("map.png", "map.yaml"), "its image .*map.yaml cannot be read"),
-        ("[1, 2]", "is no map"),
+        ("[1, 2]", "is not a valid map"),
         ("image: [", "cannot be read"),
     ],
 )

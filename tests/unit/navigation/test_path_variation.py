@@ -173,7 +173,7 @@ def test_a_goal_behind_a_wall_cannot_be_reached(expanded, folder: Path) -> None:
         ({"x": 5.0, "y": 1.0}, "the start (5, 1) is inside a wall"),
         ({"x": 50.0, "y": 1.0}, "outside the map (x from 0 to 10 m, y from 0 to 6 m)"),
         ({"x": 0.2, "y": 3.0}, "a robot of 0.35 m needs 0.175 m"),
-        ({"x": 1.0}, "is no pose"),
+        ({"x": 1.0}, "is not a valid pose"),
     ],
 )
 def test_a_start_where_the_robot_cannot_be(expanded, start, reason: str) -> None:

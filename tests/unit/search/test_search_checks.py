@@ -68,7 +68,7 @@ def test_a_parameter_that_is_given_twice_in_the_template_is_refused(tmp_path: Pa
         ("low: 1", "low: 1.5", "must be whole numbers"),
         ("high: 9", "high: .inf", "must be finite"),
         ("low: 1", "low: 1, step: 0", "must be at least 1"),
-        ("type: int, low: 1, high: 9", "type: choice, values: [a, b, a]", 'value "a" stands twice'),
+        ("type: int, low: 1, high: 9", "type: choice, values: [a, b, a]", 'value "a" occurs twice'),
         *(
             ("type: int, low: 1, high: 9", f"type: choice, values: [{odd}, b]", "cannot be stored")
             for odd in (".nan", ".inf", "{1: a}", "!!binary aGVsbG8=")
@@ -85,12 +85,12 @@ def test_a_parameter_that_is_given_twice_in_the_template_is_refused(tmp_path: Pa
         (
             "[{name: failure_rate}]",
             "[{name: failure_rate}, {name: failure_rate}]",
-            "the objective `failure_rate` stands twice",
+            "the objective `failure_rate` occurs twice",
         ),
         ("batches: 3", "batch: 3", "unknown key `batch`"),
         ("batches: 3", "batches: 0", "must be at least 1"),
         ("[{batches: 3}]", "[{batches: 3, time: 4}]", "must be one of `batches`, `time`"),
-        ("[{batches: 3}]", "[]", "to come to an end"),
+        ("[{batches: 3}]", "[]", "a search needs a `budget` or"),
         (
             "  budget",
             "  stopping: [{no_improvement: {patience: 2, min_delta: -1}}]\n  budget",
@@ -118,7 +118,7 @@ def test_a_parameter_that_is_given_twice_in_the_template_is_refused(tmp_path: Pa
             "`qd` needs the measure `a`, which `extract` does not give",
         ),
         ("  budget", "  extract: {plugin: nothing.py:E}\n  budget", "there is no plugin file"),
-        ("  budget", "  extract: {params: {a: 1}}\n  budget", "`failure_rate` cannot be made"),
+        ("  budget", "  extract: {params: {a: 1}}\n  budget", "`failure_rate` cannot be created"),
         ("strategy: random", "strategy: leaves.py:A", "cannot be imported: SystemExit: at once"),
         ("strategy: random", "strategy: later.py:A", "later.py:4)"),
         ("strategy: random", "strategy: later.py:B", "'int' object is not callable"),

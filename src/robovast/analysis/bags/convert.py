@@ -248,11 +248,11 @@ class _Work:
         try:
             consumer = self._worker.subscribe(topic) if self._worker else None
         except DefinitionError as error:
-            self.context.warn(f"{topic.name} is left out: {error}")
+            self.context.warn(f"{topic.name} is skipped: {error}")
             return None
         if consumer and topic.serialization != "cdr":
             self.context.warn(
-                f"{topic.name} is left out: its messages are {topic.serialization}, not cdr"
+                f"{topic.name} is skipped: its messages are {topic.serialization}, not cdr"
             )
             return None
         return self._watched(consumer) if consumer else None
@@ -358,7 +358,7 @@ class _Feed:
         """Warn through the first consumer's context."""
         if self._damaged:
             self._works[0].context.warn(
-                f"{self._damaged} messages on {self._topic.name} are left out: they are not valid "
+                f"{self._damaged} messages on {self._topic.name} are skipped: they are not valid "
                 f"{self._topic.type} messages ({self._reason})"
             )
 

@@ -167,7 +167,7 @@ class McapFile:
             opcode, length = _RECORD.unpack_from(head)
             following = place + _RECORD.size + length
             if self._bound.reached() or len(self.blocks) > _MOST_BLOCKS:
-                self._fault(f"has too many records; those after byte {place} are left out")
+                self._fault(f"has too many records; the records after byte {place} are skipped")
                 self.complete = False
                 return
             read = partial(os.pread, file.fileno())
@@ -280,7 +280,7 @@ class McapFile:
             )
         channels = {channel for block in self.blocks for channel in block.channels}
         if self.complete and (lost := channels - self._channels.keys()):
-            self._fault(f"does not describe {len(lost)} channels, whose messages are left out")
+            self._fault(f"does not describe {len(lost)} channels, whose messages are skipped")
 
     def _complete(self, file: BinaryIO) -> None:
         """Read the channels and correct the times of chunks from their content."""
@@ -324,7 +324,7 @@ class McapFile:
                 encoding, _ = _prefixed(record, place)
                 self._channels.setdefault(base + number, (base + schema, topic, encoding))
         except _WRONG as error:
-            self._fault(f"has a channel that is left out: {error}")
+            self._fault(f"has a channel that is skipped: {error}")
 
     def _content(self, file: BinaryIO, block: Block) -> bytes:
         """The records of a block; nothing if it cannot be read."""
@@ -334,7 +334,7 @@ class McapFile:
             data = os.pread(file.fileno(), block.size, block.place)
             return _unpacked(data) if block.chunk else data
         except _WRONG as error:
-            self._fault(f"is damaged: the part at byte {block.place} is left out: {error}")
+            self._fault(f"is damaged: the part at byte {block.place} is skipped: {error}")
             return b""
 
     def _messages(self, content: bytes, channels: Collection[int], block: Block) -> list[Read]:
@@ -345,7 +345,7 @@ class McapFile:
                 count += 1
                 channel, _, time = _MESSAGE.unpack_from(content, begin)
                 if time > LATEST:
-                    self._fault("has messages of an impossible time, which are left out")
+                    self._fault("has messages with an impossible time, which are skipped")
                 elif channel + base in channels:
                     found.append((time, channel + base, content[begin + _MESSAGE_SIZE : end]))
         if content and count < block.count:
@@ -362,7 +362,7 @@ class McapFile:
             begin = place + _RECORD.size
             place = begin + length
             if place > size or length < _LEAST_IN_BLOCK[opcode]:
-                self._fault(f"is damaged: a record in the part at byte {block.place} is left out")
+                self._fault(f"is damaged: a record in the part at byte {block.place} is skipped")
                 start = begin - _RECORD.size + 1
                 following = _next(lambda n, at: content[at : at + n], start, size, self._bound)
                 if following is None:
@@ -469,7 +469,7 @@ def _unpacked(record: bytes) -> bytes:
         raise ValueError(f"its compression {compression} is unknown")
     content = _DECOMPRESS[compression](record[begin : begin + stored], whole)
     if len(content) > whole:
-        raise ValueError("it is larger than it says")
+        raise ValueError("it is larger than its header states")
     if checksum and len(content) == whole and zlib.crc32(content) != checksum:
         raise ValueError("its checksum is wrong")
     return content

@@ -41,7 +41,7 @@ class RosoutWorker:
         if topic.name != ROSOUT:
             return None
         if topic.type != _TYPE:
-            self._context.warn(f"{ROSOUT} is left out: its type is {topic.type}, not {_TYPE}")
+            self._context.warn(f"{ROSOUT} is skipped: its type is {topic.type}, not {_TYPE}")
             return None
         read = self._context.reader(topic)
         return lambda time, data: self._log(time, read(data))

@@ -87,7 +87,7 @@ class SqliteFile:
         columns = "topic_id, timestamp, typeof(data), length(data)"
         for row, topic, time, kind, size in self._rows(database, columns, Block(-_LAST, _LAST, 0)):
             if bound.reached():
-                self.faults.add(f"{self._path.name} has too many rows; the last ones are left out")
+                self.faults.add(f"{self._path.name} has too many rows; the last rows are skipped")
                 self.complete = False
                 break
             is_message = type(topic) is type(time) is int and time >= 0 and kind == "blob"
@@ -100,7 +100,9 @@ class SqliteFile:
             block.until, block.size, rows = row, block.size + size, rows + 1
             block.add(topic, time)
         if odd:
-            self.faults.add(f"{self._path.name}: {odd} rows are left out: they are no messages")
+            self.faults.add(
+                f"{self._path.name}: {odd} rows are skipped: they do not contain messages"
+            )
 
     def _rows(
         self,
@@ -127,7 +129,7 @@ class SqliteFile:
             except sqlite3.DatabaseError as error:
                 if (error.sqlite_errorcode & 0xFF) not in _DAMAGE:
                     raise
-                self.faults.add(f"{self._path.name} is damaged: some rows are left out: {error}")
+                self.faults.add(f"{self._path.name} is damaged: some rows are skipped: {error}")
             else:
                 return
             step = after + (1 << tries // _PATIENCE)
@@ -148,7 +150,9 @@ def _require_row_numbers(database: sqlite3.Connection, name: str) -> None:
     except sqlite3.OperationalError:
         is_own = True
     if is_own:
-        raise InputError(f"{name} is no bag: the rows of its table messages have no numbers.")
+        raise InputError(
+            f"{name} is not a valid bag: the rows of its table messages have no numbers."
+        )
 
 
 def _following(database: sqlite3.Connection, row: int) -> int | None:

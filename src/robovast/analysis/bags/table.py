@@ -136,7 +136,7 @@ class Table:
             raise InputError(
                 f"{self.path.name} would have {count_of_rows:,} rows of {len(columns):,} columns, "
                 f"more than {_MOST_CELLS:,} cells: the lengths of its arrays differ too much. "
-                "Leave out its topic, or convert it with a command of your own."
+                "Exclude its topic, or convert the topic with your own command."
             )
         title = self._title or str
         if self._title is not None:

@@ -68,7 +68,7 @@ class TfWorker:
             self._context.warn(self._nothing())
         if self._transforms.rejected:
             self._context.warn(
-                f"{self._transforms.rejected} transforms are left out: they are not finite, not "
+                f"{self._transforms.rejected} transforms are skipped: they are not finite or not "
                 "normalized, lack a frame name, or have one frame as parent and child"
             )
         return written(self._table)
@@ -105,8 +105,8 @@ class TfWorker:
             )
         elif known < stamps:
             self._context.warn(
-                f"{stamps - known} of {stamps} poses of {frame} in {self._root} are left out: "
-                "the transforms between them do not cover these times"
+                f"{stamps - known} of {stamps} poses of {frame} in {self._root} are skipped: the "
+                "transforms between them do not cover these times"
             )
 
     def _nothing(self) -> str:

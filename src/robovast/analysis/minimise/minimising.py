@@ -103,9 +103,9 @@ def minimise_run(
     )
     if not request.reductions:
         raise InputError(
-            f"{run.folder}: has nothing that could be milder: no list, and no number, choice or "
-            "switch of which a configuration that passes, or the scenario's default, has another "
-            "value."
+            f"{run.folder}: has no parameter to reduce. It needs a list, or a number, choice or "
+            "switch with a different value in a passing configuration or in the scenario's "
+            "defaults."
         )
     session = begin_campaign(again, output, "minimise", test.most or 1, test)
     with explained(session.layout.root):
@@ -125,7 +125,7 @@ def continue_minimising(
     request = read_request(layout)
     if request.run != run.full_path or not request.fits(run.variant.parameters):
         raise InputError(
-            f"{campaign}: minimises {request.run}, not {run.full_path} as it is in {run.folder}."
+            f"{campaign}: reduces {request.run}, not {run.full_path} as it is in {run.folder}."
         )
     _refuse_other_steps(run, layout)
     session = execute_again(run, options, observer.message).session(layout)
@@ -142,19 +142,19 @@ def _refuse_other_steps(run: StoredRun, layout: Layout) -> None:
     same = fingerprint(first.parameters) == fingerprint(own.parameters)
     if names != right or not same or any(found != files[0] for found in files):
         raise InputError(
-            f"{layout.configurations}: has been edited: its configurations are not the steps of "
-            f"minimising {run.full_path}. Put it back, or begin anew without `--resume`."
+            f"{layout.configurations}: was edited: its configurations are not the steps of "
+            f"reducing {run.full_path}. Restore the file, or start again without `--resume`."
         )
 
 
 def _refuse_verdict(run: StoredRun) -> None:
     verdict = run.record.verdict
     if verdict is Verdict.PASSED:
-        raise InputError(f"{run.folder}: passed; there is no failure to minimise.")
+        raise InputError(f"{run.folder}: passed; there is no failure to reduce.")
     if verdict is not Verdict.FAILED:
         raise InputError(
-            f"{run.folder}: {verdict} ({run.record.reason}), so that it says nothing of the robot. "
-            "Name a run that failed; `vast replay` tells whether this one errors again."
+            f"{run.folder}: {verdict} ({run.record.reason}), so the run is no evidence about the "
+            "robot. Name a failed run. To check whether this run errors again, use `vast replay`."
         )
 
 
@@ -220,10 +220,10 @@ class _Way:
         often = f"{first.failed} of {first.runs} runs failed so"
         why = f"{first.outcome}: {first.reason}" if first.reason else first.outcome
         raise InputError(
-            f"{self.request.run}: the failure does not come again often enough to be minimised: "
-            f"{often} with its parameters, the first with its seed ({why}). Lower `--bad` and "
-            "`--good` tell failures that are rarer; `vast replay --times 10` tells whether the run "
-            "is flaky."
+            f"{self.request.run}: the failure is too rare to be reduced: {often} with its "
+            f"parameters, the first with its seed ({why}). For rare failures, lower `--bad` and "
+            "`--good`. To check whether the run is nondeterministic, use `vast replay --times "
+            "10`."
         )
 
     def fails(self, parameters: Parameters) -> bool:

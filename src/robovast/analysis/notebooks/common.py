@@ -99,7 +99,7 @@ def read_output_files(
         )
     if failed:
         warnings.warn(
-            f"{len(failed)} of {len(runs)} runs are left out: {_first_of(failed)}", stacklevel=2
+            f"{len(failed)} of {len(runs)} runs are skipped: {_first_of(failed)}", stacklevel=2
         )
     return _categorical(pd.concat(frames, ignore_index=True), added) if frames else pd.DataFrame()
 

@@ -20,7 +20,9 @@ def get_bag_info(bag_path: str | Path) -> dict[str, Any]:
     try:
         return dict(parse_yaml(read_file(path))["rosbag2_bagfile_information"])
     except (OSError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{bag_path}: is no bag: {type(error).__name__}: {error}") from error
+        raise ValueError(
+            f"{bag_path}: is not a valid bag: {type(error).__name__}: {error}"
+        ) from error
 
 
 def print_bag_topics(bag_path: str | Path, bag_dir_name: str = "rosbag2") -> None:

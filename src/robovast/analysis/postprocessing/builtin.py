@@ -49,7 +49,7 @@ def command(
     except PermissionError:
         return False, f"{program[0]} is not executable: chmod +x {script}"
     except OSError as error:
-        return False, f"{program[0]} cannot be executed: {error.strerror}"
+        return False, f"{program[0]} cannot be run: {error.strerror}"
     output = (done.stdout + done.stderr).decode(errors="replace")
     print(output, end="")  # noqa: T201  # what a plugin prints goes to the log
     if done.returncode == 0:

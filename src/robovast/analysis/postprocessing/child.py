@@ -106,7 +106,7 @@ def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
     except Exception as error:
         traceback.print_exc()
         if guard.refused:
-            return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
+            return Outcome(False, f"must not write {guard.refused}: {_OUTSIDE}")
         return Outcome(False, f"raised {raised(error)}")
     finally:
         guard.allow_all()
@@ -161,7 +161,7 @@ def _guarded(request: Mapping[str, Any], guard: Guard) -> Outcome:
     outcome = read_returned(returned, request["name"], results, campaign)
     entries = _file_entries(provenance, request["name"], results, campaign)
     if guard.refused:
-        return Outcome(False, f"was refused to write {guard.refused}: {_OUTSIDE}")
+        return Outcome(False, f"must not write {guard.refused}: {_OUTSIDE}")
     return Outcome(outcome.success, outcome.message, outcome.entries + entries)
 
 

@@ -68,7 +68,7 @@ def _entry(item: Any, plugin: str, base: Path, campaign: Path) -> Entry:
     output = _relative(item["output"], base, campaign)
     if output is None:
         raise NonsenseError(
-            f"its provenance entry says that it wrote {item['output']}, outside of the campaign"
+            f"its provenance entry lists {item['output']}, which is outside of the campaign"
         )
     sources = item.get("sources") or []
     sources = [sources] if isinstance(sources, str | Path) else list(sources)

@@ -40,7 +40,7 @@ class Findings:
         """Whether a plugin must not be executed; then it is added as missing."""
         if self._own_plugins or split_file_reference(plugin) is None:
             return False
-        self.missing("plugins of the campaign that were not executed, nothing added", plugin)
+        self.missing("plugins of the campaign that were not run, nothing added", plugin)
         return True
 
     def fault(self, what: str, where: str = "") -> None:
@@ -68,7 +68,8 @@ class Findings:
             absent = [what for what in _RECORDS if missing.pop(what, None)]
             names = ", ".join(what.removeprefix("no ") for what in absent)
             lines = [
-                f"no {names}: another tool ran this campaign; its metadata lacks what they hold"
+                f"no {names}: another tool ran this campaign; its metadata lacks the contents of "
+                "these files"
             ]
         return lines + [f"{what}: {_places(where)}" for what, where in missing.items()]
 

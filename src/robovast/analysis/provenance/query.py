@@ -109,7 +109,9 @@ class Graphs:
                 self._load(campaign / GRAPH)
             else:
                 _log.warning(
-                    "%s: no %s, left out; `vast results metadata` writes it", campaign, GRAPH
+                    "%s: skipped, because %s is missing; `vast results metadata` writes it",
+                    campaign,
+                    GRAPH,
                 )
 
     def __len__(self) -> int:
@@ -144,7 +146,7 @@ class Graphs:
             self._store.load(path=str(file), format=self._engine.RdfFormat.JSON_LD)
         except (SyntaxError, ValueError, OSError) as error:
             raise InputError(
-                f"{file}: cannot be read: {error}. `vast results metadata` writes it anew."
+                f"{file}: cannot be read: {error}. `vast results metadata` writes the file again."
             ) from None
         found = {row[0] for row in self.ask(_CAMPAIGNS)}
         fresh = found - self.campaigns.keys()

@@ -38,7 +38,7 @@ def read_mapping(
         findings.missing(f"{path.name} cannot be read ({_short(error)})", where)
         return {}
     if not isinstance(data, dict):
-        findings.missing(f"{path.name} is no mapping", where)
+        findings.missing(f"{path.name} is not a mapping", where)
         return {}
     return data
 

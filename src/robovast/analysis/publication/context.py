@@ -104,8 +104,8 @@ def snapshot(campaign: Path) -> Path:
         found = [path for path in found if path.name == recorded]
     if not found:
         raise InputError(
-            f"{campaign}: `_config` does not tell which .vast file it was made from. "
-            "Name one with `--override FILE`."
+            f"{campaign}: `_config` does not contain the .vast file of the campaign. Name it with "
+            "`--override FILE`."
         )
     return found[0]
 

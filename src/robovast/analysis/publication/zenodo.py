@@ -86,8 +86,8 @@ class ZenodoUpload:
         elif upload.missing(deposit):
             raise StorageError(
                 f"{deposit.page} is published and cannot be changed; "
-                f"{', '.join(path.name for path in upload.missing(deposit))} would be new. Make a "
-                "new version there, and give its number as `deposition`."
+                f"{', '.join(path.name for path in upload.missing(deposit))} would be new. Create "
+                "a new version there, and set `deposition` to its number."
             )
         if publish and not deposit.published:
             deposit = upload.publish(deposit)
@@ -154,8 +154,8 @@ class _Upload:
             return {}
         except (OSError, ValueError) as error:
             raise StorageError(
-                f"{self._record}: cannot be read ({error}); it says which drafts were begun. "
-                "Remove it to begin new ones."
+                f"{self._record}: cannot be read ({error}). This file lists the existing drafts. "
+                "Remove the file to create new drafts."
             ) from error
         return records if isinstance(records, dict) else {}
 
@@ -174,8 +174,8 @@ def _api(*, sandbox: bool) -> tuple[str, ZenodoApi]:
     if not token:
         raise InputError(
             f"Zenodo needs an access token in the variable {name}, in the environment or a `.env` "
-            f"file. {address}/account/settings/applications makes one; it needs the scopes "
-            "`deposit:write` and `deposit:actions`."
+            "file. Create a token with the scopes `deposit:write` and `deposit:actions` at "
+            f"{address}/account/settings/applications."
         )
     return address, ZenodoApi(address, token)
 

@@ -96,7 +96,7 @@ class ZenodoApi:
         answer = self._client.request(
             "POST",
             f"{self._address}/api/deposit/depositions",
-            attempt="make a draft",
+            attempt="create a draft",
             body=lambda: b"{}",
             headers=_JSON,
             repeatable=False,  # it would leave a second draft

@@ -61,7 +61,7 @@ def compare_outputs(before: Path, now: Path, outputs: Sequence[Output]) -> Compa
             difference = (
                 _difference(before, now, path, output)
                 if all(found)
-                else f"is {'missing now' if found[0] else 'new'}"
+                else f"is {'missing' if found[0] else 'new'}"
             )
             if difference is None:
                 same.append(name)
@@ -161,14 +161,14 @@ def _first_cell(
     header: list[str] = []
     for line, (old, new) in enumerate(zip_longest(before, now), 1):
         if old is None or new is None:
-            return f"has {'fewer' if new is None else 'more'} rows now: it differs from row {line}"
+            return f"has {'fewer' if new is None else 'more'} rows: it differs from row {line}"
         header = header or old
         cells = enumerate(zip_longest(old, new))
         column = next((n for n, (a, b) in cells if not _is_same(a, b, tolerance)), None)
         if column is not None:
             name = header[column] if column < len(header) else str(column + 1)
             was, is_ = (_shown(row, column) for row in (old, new))
-            return f"differs in row {line}, column {name[:_LONGEST]}: {was}, now {is_}"
+            return f"differs in row {line}, column {name[:_LONGEST]}: {is_} instead of {was}"
     return None
 
 
@@ -192,7 +192,7 @@ def _first_message(before: Path, now: Path, topic: str) -> str | None:
         return f"cannot be compared: neither has a message on {topic}"
     for number, (a, b) in enumerate(zip_longest(old, new), 1):
         if a is None or b is None:
-            return f"has {len(new)} messages now; there were {len(old)}"
+            return f"has {len(new)} messages instead of {len(old)}"
         if a != b:
             return f"differs from message {number} of {len(old)}"
     return None

@@ -126,8 +126,8 @@ def read_rows(path: Path, width: int) -> Iterator[list[str]]:
             for row in rows:
                 if any(row[width:]):
                     _warn(
-                        f"{path} has rows with more cells than the header; the cells that have no "
-                        "column are left out"
+                        f"{path} has rows with more cells than the header; the cells without a "
+                        "column are skipped"
                     )
                 if any("\ufffd" in cell for cell in row):
                     _warn(f"{path} has bytes that are not valid text; they are read as �")

@@ -31,6 +31,6 @@ def tables_in(store: ObjectStore, bucket: str, campaign: str) -> StoredTables:
         if found is not None and (index is None or found.modified >= index.modified):
             return StoredTables(campaign, found.size, partial(store.read_part, bucket, found))
     raise InputError(
-        f"{campaign}: there is nothing to ask in the bucket {bucket} yet: its tables are made "
-        "when all runs have ended. `vast results download` fetches the runs that are stored."
+        f"{campaign}: the bucket {bucket} contains no tables yet. They are created when all runs "
+        "have finished. `vast results download` downloads the stored runs."
     )

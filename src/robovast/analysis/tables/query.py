@@ -153,7 +153,7 @@ def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConn
                 raise_failure(campaigns)
                 raise StorageError(
                     f"{path}: cannot be read: {first_line(error).rstrip('.')}. `vast results "
-                    "postprocess --force` makes it again."
+                    "postprocess --force` creates the file again."
                 ) from error
             for table, part in parts.items():
                 name = names.setdefault(folded(table), table)
@@ -170,7 +170,7 @@ def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConn
             raise_failure(campaigns)
             raise StorageError(
                 f"the tables of these campaigns cannot be read together: {first_line(error)}. "
-                "`vast results postprocess --force` makes them again."
+                "`vast results postprocess --force` creates the tables again."
             ) from error
         yield connection
 

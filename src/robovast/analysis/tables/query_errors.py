@@ -58,7 +58,7 @@ def _other(cause: str) -> str:
     """What DuckDB says, without the names and settings of its own, which users cannot change."""
     first = _KIND.sub("", cause.strip()).partition("\n")[0]
     plain = _ADVICE.sub("", _PATH.sub(r"\1", _OWN_NAMES.sub("", first))).rstrip(".,:;! ")
-    return f"it cannot be answered. DuckDB says: {plain}."
+    return f"DuckDB reports: {plain}."
 
 
 def _no_table(fault: _Fault) -> str:
@@ -73,7 +73,7 @@ def _no_column(fault: _Fault) -> str:
     asked = asked or list(fault.columns)
     known = dict.fromkeys(column for table in asked for column in fault.columns[table])
     hint = _near(name, known) or (
-        f"A text stands in single quotes; columns of {' and '.join(asked)} are {_listed(known)}."
+        f"Put text into single quotes. Columns of {' and '.join(asked)} are {_listed(known)}."
     )
     return f"there is no column `{name}`. {hint}"
 
@@ -120,8 +120,8 @@ _RULES: Mapping[str, Callable[[_Fault], str]] = {
     ),
     r"Could not convert (string )?'(?P<value>.*)' to '?(?P<type>\w+)": _no_value,
     r"^Invalid Input Error: Required module 'pytz'": _say(
-        "a column of the answer is a time with a time zone, as now() is: `now()::TIMESTAMP` is one "
-        "without."
+        "a column of the answer is a time with a time zone. Convert it to a time without a time "
+        "zone, for example `now()::TIMESTAMP` for `now()`."
     ),
     r"^Permission Error": _say(ONLY_READS),
 }

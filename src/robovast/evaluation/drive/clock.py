@@ -73,7 +73,7 @@ def make_clock(
         episodes = len(episode_starts(*np.array(stamps, np.int64).T[::-1])) + 1
         known = f" The recording has at least {episodes} episodes." if episodes > 1 else ""
         remarks.append(
-            f"The stamps of the robot's poses jump {jump}, so the time line is that of the "
+            f"The stamps of the robot's poses jump {jump}, so the timeline uses the times of the "
             f"recording.{known}"
         )
     elif simulated := _simulated(start, end, stamps):

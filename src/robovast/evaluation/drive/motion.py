@@ -231,7 +231,7 @@ def scan_points(scan: Any, frames: Frames, stamp: int, received: int) -> tuple[l
     if mount is not None:
         points = _turned(points, mount[1]) + mount[0][:2]
     if not np.isfinite(points).all():
-        raise ValueError("its angles are no numbers")
+        raise ValueError("its angles are not numbers")
     return np.clip(points * 100, -1e6, 1e6).round().astype(int).ravel().tolist(), mount is not None
 
 

@@ -182,8 +182,8 @@ class PartReader:
         self._damaged(topic, damaged)
         if not mounted:
             self._part.remarks.append(
-                f"No transform tells where the laser of {topic} is mounted; it is drawn as if it "
-                "were in the middle of the robot."
+                f"The position of the laser of {topic} on the robot is unknown, because no "
+                "transform contains it. The laser is drawn in the middle of the robot."
             )
 
     def _add_shapes(
@@ -222,7 +222,7 @@ class PartReader:
                 events += changes.events(before, self._messages[tree])
                 self._damaged(tree, changes.damaged)
             except UNDECODABLE as error:
-                self._part.remarks.append(f"Without the behaviour tree of {tree}: {error}.")
+                self._part.remarks.append(f"The behavior tree of {tree} is not shown: {error}.")
         at = self._source.clock.at
         placed = (
             (round(at(e.received, e.stamp), 3), e.kind, e.level, e.source, e.text)

@@ -54,7 +54,7 @@ def read_pictures(
         left -= len(data)
         if left < 0:
             found.remarks.append(
-                f"{topic} has such large pictures that some are left out from {place:.0f} s on."
+                f"{topic} has large images, so some are skipped after {place:.0f} s."
             )
             break
         last = place
@@ -64,9 +64,9 @@ def read_pictures(
     found.content = [data for *_, data in shown]
     if large:
         most = f"{_MOST_PIXELS / 1e6:.0f} million pixels"
-        found.remarks.append(f"{topic} has pictures of more than {most}, which are left out.")
+        found.remarks.append(f"{topic} has images of more than {most}, which are skipped.")
     if damaged:
-        found.remarks.append(f"{topic} has messages that are no picture in JPEG, PNG or WebP.")
+        found.remarks.append(f"{topic} has messages that are not images in JPEG, PNG or WebP.")
     return found
 
 

@@ -49,7 +49,7 @@ class Recording:
         """
         folder = resolved(root, relative)
         if not os.path.isdir(folder):
-            raise MissingError(f"{relative} is no folder.")
+            raise MissingError(f"{relative} is not a folder.")
         self.faults: list[str] = []
         self._too_large: set[str] = set()
         self.files = list(open_files(root, relative))
@@ -73,8 +73,8 @@ class Recording:
     def all_faults(self) -> list[str]:
         """What cannot be read, as far as it has been noticed."""
         large = (
-            f"The messages around one on {topic} take more than {_MOST_HELD >> 20} MiB: some are "
-            "left out."
+            f"The messages near one message on {topic} take more than {_MOST_HELD >> 20} MiB. "
+            "Some are skipped."
             for topic in sorted(self._too_large)
         )
         return [*self.faults, *large, *(fault for file in self.files for fault in file.faults)]

@@ -62,7 +62,7 @@ ROLES: Mapping[str, Role] = {
             "/image_raw/compressed",
         ),
     ),
-    "tree": Role("the behaviour tree", (TREE_TYPE, TREE_LOG), ("/behavior_tree_log",)),
+    "tree": Role("the behavior tree", (TREE_TYPE, TREE_LOG), ("/behavior_tree_log",)),
     "log": Role("log messages", (LOG,), ("/rosout",)),
 }
 """The keys of `evaluation.player` that name topics."""

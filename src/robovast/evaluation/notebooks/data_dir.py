@@ -40,7 +40,7 @@ def read_notebook(content: bytes, data_dir: Path, batch: int | None = None) -> N
     for cell in cells:
         cell.outputs, cell.execution_count = [], None
     if not _set(cells, "DATA_DIR", str(data_dir)):
-        raise InputError("It has no line `DATA_DIR = ''`, which tells it where its data is.")
+        raise InputError("The notebook has no line `DATA_DIR = ''` for the path of its data.")
     if batch is not None:
         _set(cells, "BATCH", batch)
     return notebook

@@ -205,10 +205,10 @@ class Runner:
             finally:
                 self._children.discard(child)
         if self._closed:
-            raise CannotRunError("The server ended while the notebook was executed.")
+            raise CannotRunError("The server stopped while the notebook was running.")
         if not os.path.isfile(folder / "result.json"):
             said = read_end(log, folder, 2000)[0].decode(errors="replace").strip()
-            raise CannotRunError(f"The notebook was not executed to its end. {said}")
+            raise CannotRunError(f"The notebook did not finish. {said}")
 
     def _keep(self, key: str, folder: Path) -> None:
         """Move the result in a folder to the cache."""

@@ -77,9 +77,9 @@ class Target:
         path = resolved(self.results, "/".join(self.names))
         campaign = self.results / self.names[0]
         if path.relative_to(self.results).parts != self.names or not os.path.isdir(path):
-            raise MissingError(f"{path} is no folder of results.")
+            raise MissingError(f"{path} is not a results folder.")
         if not holds_campaign(campaign):
-            raise MissingError(f"{campaign} is no campaign.")
+            raise MissingError(f"{campaign} is not a campaign.")
         if self.batch is not None:
             self._check_batch(Layout(campaign), self.batch)
         return path
@@ -146,7 +146,7 @@ def read_document(target: Target, override: Path | None) -> tuple[Path, Mapping[
     folder = document.parent
     data = parse_yaml(read_small(folder, document.name))
     if not isinstance(data, dict):
-        raise InputError(f"{document} is no YAML file with keys.")
+        raise InputError(f"{document} is not a YAML file with keys.")
     return folder, data
 
 

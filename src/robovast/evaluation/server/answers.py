@@ -62,7 +62,7 @@ def _as_dict(value: Any) -> Any:
             for field in dataclasses.fields(value)
             if field.repr
         }
-    raise TypeError(f"{type(value).__name__} is no data")
+    raise TypeError(f"{type(value).__name__} cannot be converted to JSON")
 
 
 def send_file(file: BinaryIO, name: str, range_header: str | None) -> Response:

@@ -433,7 +433,7 @@ def _number(text: str | None) -> float | None:
     except ValueError:
         number = math.nan
     if number is not None and not math.isfinite(number):
-        raise InputError(f"{text!r} is no number.")
+        raise InputError(f"{text!r} is not a number.")
     return number
 
 

@@ -104,7 +104,7 @@ class LaunchPages:
         place = f"{campaign}/{variant}/{run}"
         words = repeat_words(self._results, place, run_record(self._results, place))
         if not words:
-            raise InputError(f"How {variant}/{run} of {campaign} was executed is not known.")
+            raise InputError(f"The runtime of {variant}/{run} of {campaign} is unknown.")
         return self.start(words, campaign, run=f"{variant}/{run}")
 
     def stopped(self, _: Request) -> Response:

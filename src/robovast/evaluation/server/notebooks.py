@@ -108,5 +108,5 @@ def _batch(asked: str | None) -> int | None:
     if not asked:
         return None
     if not asked.isdecimal() or not asked.isascii() or len(asked) > 9:
-        raise InputError(f"{asked!r} is no number of a batch.")
+        raise InputError(f"{asked!r} is not a valid batch number.")
     return int(asked)

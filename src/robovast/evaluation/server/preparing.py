@@ -84,8 +84,8 @@ class Preparation:
         code = process.wait()
         if code < 0 and not self._asked_to_end:
             self._say(
-                f"Making tables was ended by {signal.Signals(-code).name}; "
-                "`vast results postprocess` does the rest."
+                f"The creation of tables was stopped by {signal.Signals(-code).name}. Complete it "
+                "with `vast results postprocess`."
             )
         self._changed = self._stamps() != self._before
         self._running = False

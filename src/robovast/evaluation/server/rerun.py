@@ -135,4 +135,4 @@ def _wait(process: subprocess.Popen[bytes], port: int, log: Path) -> None:
 
 
 def _last_line(text: str) -> str:
-    return next(iter(text.strip().splitlines()[-1:]), "it says nothing.")
+    return next(iter(text.strip().splitlines()[-1:]), "no error message.")

@@ -70,5 +70,5 @@ def _units(request: Request) -> dict[str, float]:
     except (ValueError, OverflowError, TypeError, AttributeError, RecursionError):
         found = {"": math.nan}
     if not all(0 <= unit <= 1 for unit in found.values()):
-        raise InputError(f"{text:.80}: is no place of a search.")
+        raise InputError(f"{text:.80}: is not a valid position in a search.")
     return found

@@ -155,7 +155,7 @@ def recorded_runs(layout: Layout, given: int | None = None) -> PlannedRuns:
         if found.each:
             return found
     if given is None:
-        raise InputError(f"{path}: does not say how many runs were planned; give `--runs`.")
+        raise InputError(f"{path}: does not contain the number of planned runs; set `--runs`.")
     return PlannedRuns(given)
 
 
@@ -169,8 +169,8 @@ def recorded_seed(layout: Layout) -> int | None:
         )
     if "minimise_of" in record:
         raise InputError(
-            f"{layout.root} minimises {record['minimise_of']}: `vast minimise --resume` "
-            "continues it."
+            f"{layout.root} reduces {record['minimise_of']}. Continue it with `vast minimise "
+            "--resume`."
         )
     found = record.get("seed")
     if found is None or type(found) is int:

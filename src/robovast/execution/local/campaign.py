@@ -93,7 +93,9 @@ def executing(session: Session, observer: Observer) -> Iterator[Observer]:
     """
     refuse_links(session.layout)
     root = session.layout.root
-    refusal = f"{root}: another `vast` is executing this campaign; wait for it or stop it."
+    refusal = (
+        f"{root}: another `vast` is running this campaign. Wait until it finishes, or stop it."
+    )
     with (
         exclusive_folder(session.layout.running, refusal),
         logged(session.layout, observer) as told,
@@ -121,7 +123,7 @@ def stored_runs(session: Session, runs: Sequence[Run], observer: Observer) -> di
 
 def how(session: Session, runs: int) -> str:
     """The runtime and the number of parallel jobs, in words."""
-    return f"{session.runtime.name}, {min(session.jobs_side_by_side, runs)} side by side"
+    return f"{session.runtime.name}, {min(session.jobs_side_by_side, runs)} in parallel"
 
 
 def execute_runs(

@@ -65,9 +65,11 @@ def _first_available(
             "the campaign, use `--runtime process`."
         )
     if image is None:
-        message("Running as plain processes: no container image is named.")
+        message("Running as local processes, because no container image is named.")
         return ProcessRuntime(message, options.process_environment)
-    message(f"Running as plain processes: no Docker or Podman answers, so {image} is not used.")
+    message(
+        f"Running as local processes without {image}, because Docker and Podman do not respond."
+    )
     return ProcessRuntime(message, options.process_environment)
 
 
@@ -84,7 +86,7 @@ def trusted_code(campaign: Path, options: LocalOptions) -> Iterator[None]:
         return
     remedy = f"Review it; if you trust the campaign, delete {campaign / MARK} or use "
     with plugin_files_refused(
-        f"{campaign.name} was imported, and a plugin in a file would run with your rights outside "
+        f"{campaign.name} was imported, and its plugins would run with your permissions outside "
         f"of a container. {remedy}`--runtime process`."
     ):
         yield

@@ -27,7 +27,7 @@ def continued_session(
     runtime = choose_runtime(document, options, observer.message)
     identity = runtime.check()
     if before not in {"", identity.image}:
-        observer.message(f"Going on with {identity.image}; so far it was {before}.")
+        observer.message(f"Continuing with {identity.image}. Earlier runs used {before}.")
     return Session(document, layout, options, runtime, identity)
 
 
@@ -40,5 +40,5 @@ def _as_before(before: str, layout: Layout, options: LocalOptions) -> LocalOptio
         return dataclasses.replace(options, runtime=CONTAINER)
     if options.runtime != "auto" or options.image or not before.startswith(IMAGE):
         return options
-    environment = environment_as_then(before, str(layout.root), "go on")
+    environment = environment_as_then(before, str(layout.root), "continue")
     return dataclasses.replace(options, runtime="process", process_environment=environment)

@@ -32,9 +32,8 @@ def told_edited(layout: Layout) -> str:
         return ""
     others = f" and {len(edited) - 1} more" if len(edited) > 1 else ""
     return (
-        f"{layout.config / edited[0]}{others}: edited since the campaign began, so further runs "
-        "have other inputs than those that are stored. Put back what was there, or begin another "
-        "campaign."
+        f"{layout.config / edited[0]}{others}: edited after the start of the campaign, so further "
+        "runs would have different inputs. Restore the files, or start another campaign."
     )
 
 

@@ -46,7 +46,7 @@ def process_environment(message: Callable[[str], None], chosen: Path | None = No
     if not (folder / VERSION_FILE).is_file():
         with _locked(folder):
             if not (folder / VERSION_FILE).is_file():
-                message(f"Making the environment for plain-process runs in {folder} (once) …")
+                message(f"Creating the environment for local processes in {folder} (once) …")
                 _make(folder)
     return folder
 
@@ -83,9 +83,9 @@ def environment_as_then(recorded: str, what: str, otherwise: str) -> Path | None
     found = named_environment(name)
     if found is None and name not in {"", usual_name()}:
         raise CannotRunError(
-            f"{what}: was executed in the environment {name}, which is not here. Name it in "
-            f"{VARIABLE} (for examples with ROS: `export {VARIABLE}=$(scripts/ros-environment)`), "
-            f"or {otherwise} in today's: `--runtime process`."
+            f"{what}: ran in the environment {name}, which is missing. Name it in {VARIABLE} (for "
+            f"examples with ROS: `export {VARIABLE}=$(scripts/ros-environment)`), or {otherwise} "
+            "in the current environment: `--runtime process`."
         )
     return found
 
@@ -103,7 +103,7 @@ def _checked(folder: Path) -> Path:
         )
     if not (folder / VERSION_FILE).is_file():
         raise CannotRunError(
-            f"{VARIABLE} names {folder}, which does not say its contract version: "
+            f"{VARIABLE} names {folder}, which has no image interface version. Create it with "
             f"`mkdir -p {folder}/etc && echo {COMPAT_VERSION} > {folder / VERSION_FILE}`."
         )
     return folder
@@ -146,7 +146,7 @@ def _call(command: Sequence[str], folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         last = (result.stderr or result.stdout).strip().splitlines()[-3:]
         raise CannotRunError(
-            "the environment for plain-process runs cannot be made: "
-            f"`{' '.join(command[:4])} …` said: {' / '.join(last)}. It needs a Python with `venv` "
-            f"and access to a package index; or name an environment of your own in {VARIABLE}."
+            f"cannot create the environment for local processes: `{' '.join(command[:4])} …` "
+            f"failed: {' / '.join(last)}. It needs Python with `venv` and access to a package "
+            f"index. Or name your own environment in {VARIABLE}."
         )

@@ -235,19 +235,19 @@ def _check(
     executed = read_mapping(run.layout.execution_record).get("robovast_version")
     if runtime.name in ENGINES and options.image is not None:
         check_engine(runtime.name, "replay it elsewhere")
-        tag = f"replay it with what its name means today: `--image {record.image}`"
+        tag = f"replay it with the current image of this name: `--image {record.image}`"
         fetch_image(runtime.name, options.image, message, tag)
         if options.image == record.image != run.image:
-            message(f"Executed with {options.image}, whatever it is now; then it was {run.image}.")
+            message(f"Runs with the current {options.image}. The stored run used {run.image}.")
         elif not record.image_digest and options.image == record.image:
-            message(f"The digest of {record.image} was not recorded; it may be another image now.")
+            message(f"The digest of {record.image} was not recorded, so the image may differ.")
     identity = runtime.check()
     if runtime.name != record.runtime:
-        message(f"Executed by {runtime.name}; then it was {record.runtime}.")
+        message(f"Runs with {runtime.name}. The stored run used {record.runtime}.")
     elif runtime.name == "process" and identity.image != record.image:
-        message(f"Executed in the environment {identity.image}; then it was {record.image}.")
+        message(f"Runs in the environment {identity.image}. The stored run used {record.image}.")
     if executed not in {None, __version__}:
-        message(f"Executed by RoboVAST {__version__}; then it was {executed}.")
+        message(f"Runs with RoboVAST {__version__}. The stored run used {executed}.")
     if record.seed is None:
-        message("No seed was recorded: what differs may differ by chance.")
+        message("No seed was recorded, so chance can cause differences.")
     return identity

@@ -65,8 +65,8 @@ def why_nothing(session: Session) -> str:
         )
     if not session.conditions:
         return (
-            f"it is not known what {session.identity.image} contains. An image needs a digest "
-            "(pull it, or push it once); plain processes need the usual environment."
+            f"the contents of {session.identity.image} are unknown. An image needs a digest (pull "
+            "it, or push it once); local processes need the default environment."
         )
     return ""
 
@@ -118,7 +118,7 @@ class _Source:
             if is_imported(folder):
                 self.refuse("the campaign was imported", folder)
             elif is_locked(folder / RUNNING):
-                self.refuse("the campaign is being executed", folder)
+                self.refuse("the campaign is running", folder)
             else:
                 yield folder
 
@@ -130,7 +130,7 @@ class _Source:
                 self.refuse("its run.json is missing or damaged", folder)
             return None
         if not record.key:
-            self.refuse("it has no key (RoboVAST 1.x or a cluster executed it)", folder)
+            self.refuse("it has no key (it was run by RoboVAST 1.x or on a cluster)", folder)
         if record.key != key:
             return None
         why = _why_not(record)
@@ -141,7 +141,7 @@ class _Source:
 
 def _why_not(record: RunRecord) -> str:
     if record.verdict not in _RESULTS:
-        return f"it is {record.verdict}, which is no result"
+        return f"it is {record.verdict}, not passed or failed"
     if record.outputs is None:
         return "it has no checksums (links, or too many files, are among its output)"
     return ""

@@ -45,7 +45,7 @@ def make_campaign_folder(output: Path, name: str, started: datetime) -> Layout:
                 root.mkdir()
                 break
     except OSError as error:
-        why = "no folder can be made in it" if error.errno == errno.ENOENT else cause(error)
+        why = "no folder can be created in it" if error.errno == errno.ENOENT else cause(error)
         raise StorageError(
             f"{output}: results cannot be written there: {why}. Choose another folder."
         ) from None
@@ -133,8 +133,8 @@ def finished_runs(
         listed = ", ".join(f"`{path}`" for path in aside[:_NAMED])
         more = f" and {len(aside) - _NAMED} more" if len(aside) > _NAMED else ""
         tell(
-            f"Not understood, so moved to `{session.layout.aside}` and executed again: "
-            f"{listed}{more} (no `run.json` of that run and this version)."
+            f"Unreadable runs are moved to `{session.layout.aside}` and repeated: {listed}{more} "
+            "(without a `run.json` of that run and this version)."
         )
     return found
 
@@ -143,8 +143,8 @@ def _refuse_links(layout: Layout, runs: Sequence[Run]) -> None:
     for name in dict.fromkeys(run.variant.name for run in runs):
         if os.path.islink(folder := layout.variant(name)):
             raise StorageError(
-                f"{folder}: is a link, and a run that is stored there would change what it leads "
-                "to. Put the folder itself in its place, or remove the link."
+                f"{folder}: is a link, so a stored run would change the target of the link. "
+                "Replace the link by the folder, or remove the link."
             )
         check_plain(layout.variant_config(name), layout)
 
@@ -173,12 +173,12 @@ def explained(root: Path) -> Iterator[None]:
         if error.errno in {errno.ENOSPC, errno.EDQUOT}:
             cause, remedy = "the disk is full", "Free some space"
         else:
-            cause, remedy = f"{error.strerror} ({error.filename})", "Mend that"
+            cause, remedy = f"{error.strerror} ({error.filename})", "Fix this"
         resume = f"vast exec local run --resume {shlex.quote(str(root))}"
         begun = os.path.isfile(Layout(root).execution_record)
         rest = (
             f"The runs that were finished are stored. {remedy}, then continue with `{resume}`."
             if begun
-            else f"Nothing was executed. {remedy}, then repeat the command."
+            else f"Nothing was run. {remedy}, then repeat the command."
         )
         raise StorageError(f"{root}: {cause}. {rest}") from error

@@ -74,8 +74,8 @@ def refuse_links(layout: Layout) -> None:
     for path in (*own, *jobs):
         if os.path.islink(path):
             raise InputError(
-                f"{path}: is a link, and what is stored there would change what the link leads "
-                "to. Remove the link."
+                f"{path}: is a link, so the stored inputs would change the target of the link. "
+                "Remove the link."
             )
     check_plain(layout.config, layout)
 

@@ -23,8 +23,8 @@ COMMON_OPTIONS: Mapping[str, Option] = {
     "s3_region": ("", "its region"),
     "s3_secret": (
         "",
-        "Secret of the namespace with `accessKey` and `secretKey`; made from "
-        "$ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_SECRET_KEY when empty",
+        "Secret of the namespace with `accessKey` and `secretKey` (default: created from "
+        "$ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_SECRET_KEY)",
     ),
     "kueue": ("auto", "share the cluster by a Kueue queue: true, false, or when Kueue is there"),
 }

@@ -69,7 +69,9 @@ def _list(context: str | None, *what: str) -> list[Json]:
     try:
         answer = subprocess.run(command, capture_output=True, text=True, check=True)
     except FileNotFoundError:
-        raise CannotRunError("kubectl is missing; it tells what the cluster has.") from None
+        raise CannotRunError(
+            "kubectl is missing; it is needed to read the capacity of the cluster."
+        ) from None
     except subprocess.CalledProcessError as error:
         raise CannotRunError(f"`{' '.join(command)}`: {error.stderr.strip()}") from error
     items: list[Json] = json.loads(answer.stdout)["items"]

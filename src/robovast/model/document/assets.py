@@ -31,8 +31,8 @@ def _check_path(value: str) -> str:
     if hidden:
         raise PydanticCustomError(
             "assets_hide",
-            "what is mounted at `{path}` would hide `{hidden}`, which runs need; choose another "
-            "path, such as `/assets`",
+            "a mount at `{path}` would hide `{hidden}`, which runs need; choose another path, "
+            "such as `/assets`",
             {"path": value, "hidden": hidden[0]},
         )
     return value
@@ -67,7 +67,8 @@ def check_apart(assets: list[Assets]) -> list[Assets]:
             if path.is_relative_to(other) or other.is_relative_to(path):
                 raise PydanticCustomError(
                     "assets_apart",
-                    "`{one}` and `{other}` would hide each other; use folders side by side",
+                    "`{one}` and `{other}` would hide each other; use folders that do not "
+                    "contain each other",
                     {"one": str(path), "other": str(other)},
                 )
     return assets

@@ -96,7 +96,7 @@ def _missing_notebooks(parts: Parts) -> Iterator[Problem]:
                         yield parts.source.problem(
                             (section, "visualization", position, name, scope),
                             f"there is no notebook `{notebook}` in {parts.folder}",
-                            "The page cannot execute it; paths are relative to the .vast file.",
+                            "The web UI cannot run it; paths are relative to the .vast file.",
                         )
 
 
@@ -109,7 +109,7 @@ def _check_scenario(parts: Parts) -> Iterator[Problem]:
         )
     if isinstance(parts.scenario, InputError):
         near = sorted(path.name for path in parts.folder.glob("*.osc"))
-        remedy = f"Beside the .vast file: {', '.join(near)}." if near else ""
+        remedy = f"Files next to the .vast file: {', '.join(near)}." if near else ""
         yield parts.source.problem(parts.scenario_key, str(parts.scenario), remedy)
     named = {entry.scenario_file for entry in parts.entries.values() if entry.scenario_file}
     if parts.execution is not None and parts.execution.scenario_file is not None:
@@ -128,8 +128,8 @@ def _check_names(parts: Parts) -> Iterator[Problem]:
         if entry.name in first:
             yield parts.source.problem(
                 ("configuration", index, "name"),
-                f"the name `{entry.name}` stands twice; the first is configuration"
-                f"[{first[entry.name]}]",
+                f"the name `{entry.name}` occurs twice; the first is "
+                f"configuration[{first[entry.name]}]",
                 "Results are kept by name: give each configuration its own.",
             )
         first.setdefault(entry.name, index)
@@ -172,13 +172,13 @@ def _wrong_design(
     elif drawn:
         yield (
             f"a design chooses among listed values, and `{drawn[0]}` draws its own",
-            "Use `ParameterVariationList`, or leave out `design`.",
+            "Use `ParameterVariationList`, or remove `design`.",
         )
     elif design.count is not None and design.count > math.prod(known):
         yield (
             f"the design is larger than the product: {design.count:,} of {math.prod(known):,} "
             "combinations",
-            "Give a smaller `count`, or leave out `design`.",
+            "Give a smaller `count`, or remove `design`.",
         )
     elif design.kind == "sobol" and len(known) > MOST_SOBOL:
         yield f"a Sobol design has at most {MOST_SOBOL} variations, not {len(known)}", "Use `lhs`."
@@ -301,7 +301,7 @@ def _without_effect(call: PluginCall, model: type[BaseModel]) -> Iterator[tuple[
     for key in unknown_parameters(call.parameters, model):
         yield (key,), f"`{call.name}` does not know the parameter `{key}`; it has no effect"
     if call.name == PROCESS and "workers" in call.parameters:
-        yield ("workers",), "`workers` has no effect: runs are worked on side by side anyhow"
+        yield ("workers",), "`workers` has no effect: runs are always processed in parallel"
     if call.name == TopicsToCsv.command and not call.parameters.get("topics"):
         yield (), f"`{call.name}` without `topics` does nothing"
 

@@ -32,7 +32,7 @@ JOB_LOGS = "logs/rosout_bag"
 def _plain_name(name: str) -> str:
     if not name or "/" in name or name in {".", ".."}:
         raise PydanticCustomError(
-            "file_name", "must be a file name without a folder: files go beside the bag"
+            "file_name", "must be a file name without a folder: files are written next to the bag"
         )
     return name
 

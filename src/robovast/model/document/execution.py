@@ -194,7 +194,7 @@ def _parse_output(value: Any) -> Any:
         if type(tolerance) in {int, float}:
             return {"pattern": pattern, "tolerance": tolerance}
         raise PydanticCustomError(
-            "output_tolerance", "the tolerance of `{pattern}` is no number", {"pattern": pattern}
+            "output_tolerance", "the tolerance of `{pattern}` is not a number", {"pattern": pattern}
         )
     raise PydanticCustomError("output", "must be a glob pattern, or one with its tolerance")
 
@@ -400,7 +400,7 @@ class Execution(Section):
 def _environment_value(name: str, value: Any) -> str:
     if not re.match(r"^[A-Za-z_][A-Za-z0-9_]*$", name):
         raise PydanticCustomError(
-            "env_name", "`{name}` is no name of an environment variable", {"name": name}
+            "env_name", "`{name}` is not a valid name of an environment variable", {"name": name}
         )
     if name in RESERVED_ENVIRONMENT:
         raise PydanticCustomError(

@@ -28,7 +28,7 @@ def without_ignored(source: Source) -> tuple[dict[Any, Any], list[Problem]]:
     warnings = [_warning(source, path) for path in unknown]
     warnings += [_overridden(source, path) for path in contract_environment(source)]
     if source.is_followed:
-        message = "only the first YAML document counts; what follows `---` has no effect"
+        message = "only the first YAML document counts; text after `---` has no effect"
         warnings.append(source.problem((), message))
     data: dict[Any, Any] = deepcopy(source.data) if unknown else source.data
     for path in unknown:
@@ -66,7 +66,7 @@ def _remove(data: Any, path: KeyPath) -> None:
 
 
 def _overridden(source: Source, path: KeyPath) -> Problem:
-    message = f"`{path[-1]}` is set by RoboVAST itself; what is given here has no effect"
+    message = f"`{path[-1]}` is set by RoboVAST; the value in the file has no effect"
     return source.problem(path, message, at_key=True)
 
 

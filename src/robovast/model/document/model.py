@@ -49,7 +49,7 @@ class Design(Section):
         if not counts and self.model_fields_set & {"count", "seed"}:
             raise PydanticCustomError(
                 "design_count",
-                "a design `{kind}` follows from the values: leave out `count` and `seed`",
+                "a design `{kind}` depends only on the values: remove `count` and `seed`",
                 {"kind": self.kind},
             )
         return self
@@ -198,8 +198,8 @@ class Vast(Section):
         if search is not None and info.data.get("configuration"):
             raise PydanticCustomError(
                 "search_and_configuration",
-                "`search` and `configuration` cannot stand together: a search makes its "
-                "configurations itself; remove one of them",
+                "`search` and `configuration` exclude each other, because a search creates its "
+                "own configurations; remove one of them",
             )
         return search
 

@@ -28,13 +28,19 @@ def render_path(path: KeyPath) -> str:
 
 
 _CAUSES = {
-    "mapping values are not allowed": "there is a second `:` in one value; put a text with `: ` "
-    "into quotes, start a nested mapping on a new line, and indent keys as those beside them",
+    "mapping values are not allowed": (
+        "there is a second `:` in one value; put a text with `: ` into quotes, start a nested "
+        "mapping on a new line, and indent keys like the keys around them"
+    ),
     "found undefined alias": "`*name` has no matching anchor `&name` above it",
-    "did not find expected key": "this does not continue the mapping that begins in line {0}; is "
-    "it indented as the lines beside it?",
-    "did not find expected '-' indicator": "this does not continue the list that begins in line "
-    "{0}; is it indented as the lines beside it?",
+    "did not find expected key": (
+        "this does not continue the mapping that begins in line {0}; is it indented like the "
+        "lines around it?"
+    ),
+    "did not find expected '-' indicator": (
+        "this does not continue the list that begins in line {0}; is it indented like the lines "
+        "around it?"
+    ),
     "did not find expected ',' or ']'": "the `[` of line {0} is not closed: here must be `,` or "
     "`]`",
     "did not find expected ',' or '}}'": "the `{{` of line {0} is not closed: here must be `,` or "
@@ -103,7 +109,9 @@ class Source:
             raise DocumentError([self._yaml_problem(_cause(error, text), mark)]) from error
         except yaml.reader.ReaderError as error:
             line = text.count("\n", 0, error.position) + 1
-            message = f"the character {error.character:#04x} cannot stand in YAML (in line {line})"
+            message = (
+                f"the character {error.character:#04x} is not allowed in YAML (in line {line})"
+            )
             raise DocumentError([self._yaml_problem(message, None)]) from error
         except yaml.YAMLError as error:
             raise DocumentError([self._yaml_problem(str(error), None)]) from error
@@ -232,7 +240,7 @@ class Source:
                 continue
             if key_node.value in seen:
                 raise self._error(
-                    f"the key `{key_node.value}` stands twice in one mapping, first in line "
+                    f"the key `{key_node.value}` occurs twice in one mapping, first in line "
                     f"{seen[key_node.value].line + 1}; YAML would keep only the last",
                     key_node.start_mark,
                 )

@@ -83,9 +83,9 @@ def refuse_containers(image: str, message: Callable[[str], None]) -> NoReturn:
     """
     del message
     raise CannotRunError(
-        f"it needs a container of {image} to make its files, and a cluster starts none for that. "
-        "Expand the document on a machine with Docker or Podman (`vast config generate OUT`) and "
-        "name the files that it makes, or do without the container."
+        f"it needs a container of {image} to create its files, and a cluster does not start such "
+        "containers. Expand the .vast file on a machine with Docker or Podman (`vast config "
+        "generate OUT`) and name the created files, or do not use the container."
     )
 
 

@@ -57,9 +57,9 @@ class Chooser:
             places = [(*prefix, value) for prefix, value in product(before, range(size))]
             if len(made) != len(places):
                 raise InputError(
-                    f"configuration `{self._name}`: variation {axis + 1} made {len(made)} "
-                    f"configurations where its `levels` announced {len(places)}; a design needs as "
-                    "many."
+                    f"configuration `{self._name}`: variation {axis + 1} created {len(made)} "
+                    f"configurations, but its `levels` announced {len(places)}. A design needs "
+                    "the announced number."
                 )
             kept += [pair for pair in zip(places, made, strict=True) if pair[0] in wanted]
         self._prefixes = [prefix for prefix, _ in kept]

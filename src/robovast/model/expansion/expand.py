@@ -223,7 +223,7 @@ def _apply(
             f"not {type(made).__name__}."
         )
     if not made:
-        raise InputError(f"{document.path}: {where} made no configuration at all.")
+        raise InputError(f"{document.path}: {where} created no configuration.")
     return variation, made
 
 
@@ -235,8 +235,8 @@ def _variant(
     name = config.get("name")
     if not isinstance(name, str) or not re.match(NAME_PATTERN, name):
         raise InputError(
-            f"configuration `{entry.name}`: {name!r} cannot name a results folder; a variation "
-            "type made it."
+            f"configuration `{entry.name}`: {name!r} from a variation type is not a valid name of "
+            "a results folder."
         )
     parameters = config.get("config") or {}
     files = tuple(_config_file(name, item) for item in config.get("_config_files") or ())

@@ -65,8 +65,8 @@ def _part_of(variants: Sequence[Variant], part: re.Match[str]) -> list[Variant]:
         raise InputError(f"`{pattern}`: of {of} parts there is none with the number {number}.")
     if number > len(variants):
         raise InputError(
-            f"`{pattern}`: this part is empty, as the number of configurations to divide is only "
-            f"{len(variants)}. Make no more parts than there are."
+            f"`{pattern}`: this part is empty, because there are only {len(variants)} "
+            "configurations. Use at most this number of parts."
         )
     return list(variants[number - 1 :: of])
 

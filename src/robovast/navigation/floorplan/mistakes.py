@@ -34,7 +34,7 @@ def said_of(error: TextXSyntaxError, text: str) -> tuple[str, str]:
     if found is None:
         return f"the file {'ends too early' if text.strip() else 'is empty'}", _remedy(words)
     if "Unit" in words and found[0].isalpha():
-        return f"`{found[0]}` is no unit here", "Units are mm, cm, m, deg and rad."
+        return f"`{found[0]}` is not a valid unit here", "Units are mm, cm, m, deg and rad."
     near = nearest(found[0], [word for word in words if word not in _RULES])
     return (
         f"`{found[0]}` does not fit here",
@@ -47,7 +47,7 @@ def _remedy(words: Iterable[str]) -> str:
     if not wanted or len(wanted) > _MANY:
         return ""
     *others, last = wanted
-    return f"Here stands {', '.join(others)} or {last}." if others else f"Here stands {last}."
+    return f"Expected {', '.join(others)} or {last}." if others else f"Expected {last}."
 
 
 def _words(error: TextXSyntaxError) -> Iterator[str]:

@@ -106,7 +106,9 @@ def _entries(source: Source, model: Model, target: Any) -> Iterator[_Entry]:
             angle = element.unit in ANGLES if element.unit else None
             yield _Entry(element, _distribution(source, target.distribution, angle))
     elif target.distribution is not None:
-        source.problem(target, f"`{target.name}` is no variable: name an attribute of it in braces")
+        source.problem(
+            target, (f"`{target.name}` is not a variable: name one of its attributes in braces")
+        )
     else:
         for entry in target.entries:
             yield from _entry(source, model, target.name, element, entry)

@@ -130,8 +130,8 @@ class Share:
         found = part.stat().st_size if part.exists() else 0
         if found != campaign.size:
             raise StorageError(
-                f"of {campaign.archive} {found} of {campaign.size} bytes are here. Try again: the "
-                "rest will be fetched."
+                f"{found} of {campaign.size} bytes of {campaign.archive} are downloaded. Try "
+                "again to download the rest."
             )
         put_in_place(part, target)
 
@@ -265,7 +265,7 @@ def load_provider(kind: str, folder: Path) -> BaseShareProvider:
         raise
     except Exception as error:
         raise InputError(
-            f"the share provider `{kind}` cannot be made: {type(error).__name__}: {error}"
+            f"the share provider `{kind}` cannot be created: {type(error).__name__}: {error}"
         ) from error
 
 

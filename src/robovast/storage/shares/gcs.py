@@ -71,7 +71,7 @@ class GcsShareProvider(BaseShareProvider):
         answer = self._client.request(
             "GET",
             f"{self._api}/iam/testPermissions?permissions={right}",
-            attempt="ask what the account may do",
+            attempt="read the permissions of the account",
             headers=self._authorization(needed=True),
         )
         if right not in self._client.data(answer).get("permissions", []):
@@ -95,8 +95,8 @@ class GcsShareProvider(BaseShareProvider):
         found = stored.get("md5Hash")
         if found and found != _md5(path):
             raise StorageError(
-                f"{self._client.name}: {object_name} arrived damaged, or was changed meanwhile. "
-                "Upload it again."
+                f"{self._client.name}: {object_name} is damaged, or was changed during the "
+                "upload. Upload it again."
             )
 
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
@@ -315,8 +315,9 @@ def _key() -> dict[str, Any] | None:
         raise InputError(f"{KEY_FILE}: {error}") from None
     except (ValueError, KeyError, TypeError):
         raise InputError(
-            f"{KEY_JSON if text else KEY_FILE} holds no key of a service account: it is a JSON "
-            "file with `client_email`, `private_key` and `token_uri`, made in Google's console."
+            f"{KEY_JSON if text else KEY_FILE} contains no key of a service account. The key is a "
+            "JSON file with `client_email`, `private_key` and `token_uri`, created in Google's "
+            "console."
         ) from None
 
 
@@ -331,7 +332,7 @@ def _assertion(key: Mapping[str, Any]) -> str:
     except (ValueError, TypeError):
         raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is damaged.") from None
     if not isinstance(private, RSAPrivateKey):
-        raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is no RSA key.")
+        raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is not a valid RSA key.")
     now = int(time.time())
     claims = {
         "iss": key["client_email"],

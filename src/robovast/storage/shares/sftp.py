@@ -266,8 +266,8 @@ class _Policy(paramiko.MissingHostKeyPolicy):
         if accepts_any_certificate() or given[:2] == found.split():
             return
         raise InputError(
-            f"the server {hostname} is not known: its key ({key.fingerprint}) is\n    {found}\nWhen"
-            f" its administrator says the same, put the key into {HOST_KEY} or a "
+            f"the server {hostname} is not known: its key ({key.fingerprint}) is\n    {found}\nIf "
+            f"its administrator confirms this fingerprint, put the key into {HOST_KEY} or a "
             "`known_hosts` file."
         )
 
@@ -276,8 +276,8 @@ def _explained(attempt: str, error: Exception) -> InputError | StorageError:
     start = f"{_place()}: cannot {attempt}"
     if isinstance(error, paramiko.BadHostKeyException):
         return InputError(
-            f"{start}: the server's key is not the one in `known_hosts`. Somebody may listen; ask "
-            "its administrator."
+            f"{start}: the server's key is not the one in `known_hosts`. The connection may be "
+            "intercepted; ask its administrator."
         )
     if isinstance(error, paramiko.AuthenticationException):
         return InputError(

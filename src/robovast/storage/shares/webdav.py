@@ -157,8 +157,8 @@ class WebDavShareProvider(BaseShareProvider):
         parts = urlsplit(url)
         if parts.scheme == "http" and parts.hostname not in _THIS_MACHINE:
             LOGGER.warning(
-                "%s: http:// lets everybody on the way read the account and the results. Use an "
-                "address of https:// if the server has one.",
+                "%s: http:// does not encrypt the account and the results. Use an https:// "
+                "address if the server has one.",
                 parts.netloc.rpartition("@")[2],
             )
         account = base64.b64encode(f"{user}:{password}".encode()).decode()

@@ -62,7 +62,7 @@ def test_a_type_of_ros_needs_no_definition(tmp_path: Path) -> None:
 def test_the_definition_of_another_type_may_lie_beside_the_vast_file(tmp_path: Path) -> None:
     bag = record(tmp_path / "rosbag2", "my_msgs/msg/Number", "", "")
     (warning,) = convert(bag, tmp_path)
-    assert warning.startswith("/a is left out: neither the bag nor ROS 2 defines")
+    assert warning.startswith("/a is skipped: neither the bag nor ROS 2 defines")
     assert "my_msgs/msg/Number.msg" in warning
 
     file = tmp_path / "files" / "my_msgs" / "msg" / "Number.msg"
@@ -83,7 +83,7 @@ def test_the_definition_of_another_type_may_lie_beside_the_vast_file(tmp_path: P
 def test_a_definition_that_cannot_be_used_is_stated(tmp_path: Path, text: str, said: str) -> None:
     bag = record(tmp_path / "rosbag2", "my_msgs/msg/Odd", "ros2msg", text)
     (warning,) = convert(bag)
-    assert warning.startswith("/a is left out: ")
+    assert warning.startswith("/a is skipped: ")
     assert said in warning
 
 
@@ -153,7 +153,7 @@ def test_bags_of_humble_have_no_definitions(tmp_path: Path) -> None:
 def test_a_log_of_another_form_is_left_out(tmp_path: Path, type_: str) -> None:
     folder = record(tmp_path / "rosbag2", type_, "ros2msg", "int32 x\n", name="/rosout")
     warnings = convert_alone(folder, RosoutToCsv()).warnings
-    assert any("/rosout" in text and "left out" in text and type_ in text for text in warnings)
+    assert any("/rosout" in text and "skipped" in text and type_ in text for text in warnings)
 
 
 def idl(struct: str, before: str = "") -> str:
@@ -208,7 +208,7 @@ def test_hostile_definitions_cost_their_topic_alone(
         assert data(tmp_path / "rosbag2", "x") == ["7"]
     else:
         (warning,) = warnings
-        assert warning.startswith("/a is left out: the definition of ")
+        assert warning.startswith("/a is skipped: the definition of ")
         assert cause in warning
 
 

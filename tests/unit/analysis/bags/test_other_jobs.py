@@ -359,7 +359,7 @@ def test_damaged_images_are_left_out_and_without_any_there_is_no_video(tmp_path:
                 )
                 bag.write(topic, image)
     (warning,) = convert(bag.folder, "rosbags_to_webm", topic="/some")
-    assert warning.startswith("1 messages on /some are left out")
+    assert warning.startswith("1 messages on /some are skipped")
     assert len(frames(tmp_path / "rosbag2_some.webm")[1]) == 1
     warnings = convert(bag.folder, "rosbags_to_webm", topic="/none")
     assert len(warnings) == 2

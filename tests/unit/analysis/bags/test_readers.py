@@ -225,7 +225,7 @@ def test_impossible_times_cost_their_messages_alone(
     )
     found, warnings = converted(tmp_path / "bag")
     assert [moment for _, moment, _ in found] == [1, 2, 5, 6]
-    assert "messages of an impossible time" in " ".join(warnings)
+    assert "messages with an impossible time" in " ".join(warnings)
     copied, _ = one_file(tmp_path, "bag", tmp_path)
     with copied.open("rb") as stream:
         count = len(list(make_reader(stream).iter_messages()))
@@ -275,7 +275,7 @@ def test_a_row_that_is_no_message_costs_itself(tmp_path: Path, odd: ROW) -> None
     write_db(tmp_path / "bag" / "0.db3", [(1, 3, b"late"), odd, (1, 1, b"early")])
     found, warnings = converted(tmp_path / "bag")
     assert found == [("/a", 1, b"early"), ("/a", 3, b"late")]
-    assert "0.db3: 1 rows are left out: they are no messages" in warnings
+    assert "0.db3: 1 rows are skipped: they do not contain messages" in warnings
 
 
 @pytest.mark.parametrize("number", ["1) UNION SELECT sqlite_version(),2,3 --", b"1", 1.5, None])
@@ -315,7 +315,7 @@ def test_a_value_that_a_table_computes_is_bounded(tmp_path: Path) -> None:
     write_db(tmp_path / "bag" / "0.db3", [], script)
     found, warnings = converted(tmp_path / "bag")
     assert found == []
-    assert "left out" in " ".join(warnings)
+    assert "skipped" in " ".join(warnings)
 
 
 def test_messages_of_split_sqlite_files_are_in_order_of_time(tmp_path: Path) -> None:

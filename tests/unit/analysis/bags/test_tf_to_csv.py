@@ -87,7 +87,7 @@ def test_nothing_is_extrapolated_and_what_is_left_out_is_counted(tmp_path: Path)
             bag.transforms([bag.transform("odom", "base_link", at)])
     table, (warning,) = poses(bag.folder)
     assert [row["timestamp"] for row in table] == [1.0, 1.5, 2.0]
-    assert warning.startswith("2 of 5 poses of base_link in map are left out")
+    assert warning.startswith("2 of 5 poses of base_link in map are skipped")
 
 
 def test_orientations_turn_the_shorter_way(tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_transforms_that_tf2_would_refuse_are_left_out_and_counted(tmp_path: Pat
         bag.transforms([*bad, bag.transform("/map", "/base_link", 7)])
     table, (warning,) = poses(bag.folder)
     assert [row["timestamp"] for row in table] == [7.0]
-    assert warning.startswith("6 transforms are left out")
+    assert warning.startswith("6 transforms are skipped")
 
 
 def test_of_two_transforms_with_one_stamp_the_first_counts(tmp_path: Path) -> None:

@@ -212,7 +212,7 @@ def test_messages_that_are_none_are_counted_and_left_out(tmp_path: Path) -> None
         bag.write("/a", bag.make("std_msgs/msg/String", "x"))
     (warning,) = convert(bag.folder, "/a")
     assert warning.startswith(
-        "4 messages on /a are left out: they are not valid std_msgs/msg/String"
+        "4 messages on /a are skipped: they are not valid std_msgs/msg/String"
     )
     assert [row["data"] for row in rows(tmp_path / "rosbag2_a.csv")] == ["x"]
 
@@ -222,7 +222,7 @@ def test_a_damaged_length_is_noticed_at_once(tmp_path: Path) -> None:
     store = typestore(my_msgs__msg__Many=text)
     with Bag(tmp_path / "rosbag2", store) as bag:
         bag.write_raw("/a", "my_msgs/msg/Many", b"\x00\x01\x00\x00" + b"\xff" * 8)
-    (warning,) = [text for text in convert(bag.folder, "/a") if "left out" in text]
+    (warning,) = [text for text in convert(bag.folder, "/a") if "skipped" in text]
     assert warning.endswith("they are not valid my_msgs/msg/Many messages (wrong length)")
 
 

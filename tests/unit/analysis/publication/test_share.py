@@ -102,7 +102,7 @@ def test_missing_variables_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ("webdaw", "Did you mean `webdav`"),
         ("p.py:os", "not a subclass of BaseShareProvider"),
-        ("p.py:BaseShareProvider", "cannot be made: TypeError"),
+        ("p.py:BaseShareProvider", "cannot be created: TypeError"),
     ],
 )
 def test_what_is_no_provider_is_refused(
@@ -175,7 +175,7 @@ def test_a_download_that_stops_early_is_resumed_next_time(project: Path) -> None
     provider = Memory({"a.tar.gz": archive("a")})
     provider.most = 30
     share = Share(provider)
-    with pytest.raises(StorageError, match=r"of a\.tar\.gz 30 of \d+ bytes are here"):
+    with pytest.raises(StorageError, match=r"30 of \d+ bytes of a\.tar\.gz are downloaded"):
         download_from_share(share, [], project / "home")
     provider.most = 10**9
     assert download_from_share(share, ["a"], project / "home")[0] == [project / "home" / "a"]
@@ -241,7 +241,7 @@ def test_an_account_that_goes_over_http_is_warned_of(
     for name, value in {"URL": url, "USER": "u", "PASSWORD": "hidden"}.items():
         monkeypatch.setenv(f"ROBOVAST_WEBDAV_{name}", value)
     assert WebDavShareProvider()._client.name
-    assert ("nas.lab: http:// lets everybody on the way read" in caplog.text) is warned
+    assert ("nas.lab: http:// does not encrypt the account" in caplog.text) is warned
     assert "hidden" not in caplog.text
 
 
@@ -263,5 +263,5 @@ def test_a_body_can_be_begun_again(project: Path) -> None:
 
 @pytest.mark.parametrize("content", [b"<html>", b"[1]"])
 def test_an_answer_that_is_no_json_object_is_of_another_server(content: bytes) -> None:
-    with pytest.raises(StorageError, match="share: the answer is no JSON object"):
+    with pytest.raises(StorageError, match="share: the answer is not a JSON object"):
         HttpClient("share", {}).data(HTTPResponse(content))

@@ -156,7 +156,7 @@ def test_a_lost_answer_to_publishing_is_looked_up(
 
 def test_a_lost_answer_makes_no_second_draft(server: Zenodo, context: PublicationContext) -> None:
     server.lose_answer_of = "POST"
-    with pytest.raises(StorageError, match="cannot make a draft"):
+    with pytest.raises(StorageError, match="cannot create a draft"):
         upload(context)
     assert len(drafts(server)) == 1
 
@@ -179,7 +179,7 @@ def test_what_arrives_damaged_is_not_published(
 
 
 ERRORS = {
-    401: "cannot make a draft (401, as it was told). Check the access token",
+    401: "cannot create a draft (401, as it was told). Check the access token",
     403: "(403, as it was told). Check the access token",
     413: "It is larger than the server accepts",
     500: "(500, as it was told). The server has an internal error",

@@ -31,12 +31,12 @@ def test_equal_files_are_the_same(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("now", "said"),
     [
-        ("step,x\n0,1.5\n1,2.6\n", "differs in row 3, column x: 2.5, now 2.6"),
-        ("step,y\n0,1.5\n1,2.5\n", "differs in row 1, column x: x, now y"),
-        ("step,x\n0,1.5\n", "has fewer rows now: it differs from row 3"),
-        (TABLE + "2,3.5\n", "has more rows now: it differs from row 4"),
-        ("step,x\n0,1.5,7\n1,2.5\n", "differs in row 2, column 3: nothing, now 7"),
-        ("", "has fewer rows now: it differs from row 1"),
+        ("step,x\n0,1.5\n1,2.6\n", "differs in row 3, column x: 2.6 instead of 2.5"),
+        ("step,y\n0,1.5\n1,2.5\n", "differs in row 1, column x: y instead of x"),
+        ("step,x\n0,1.5\n", "has fewer rows: it differs from row 3"),
+        (TABLE + "2,3.5\n", "has more rows: it differs from row 4"),
+        ("step,x\n0,1.5,7\n1,2.5\n", "differs in row 2, column 3: 7 instead of nothing"),
+        ("", "has fewer rows: it differs from row 1"),
     ],
 )
 def test_the_first_difference_of_a_table_is_told(tmp_path: Path, now: str, said: str) -> None:
@@ -54,7 +54,7 @@ def test_numbers_may_differ_by_a_tolerance(tmp_path: Path, tolerance: float, sam
 def test_text_has_no_tolerance(tmp_path: Path) -> None:
     output = Output(pattern="out.csv", tolerance=1000)
     found = compared(tmp_path, "x\nnan\nleft\n", "x\nnan\nright\n", output)
-    assert found.differences == ("sub/out.csv differs in row 3, column x: left, now right",)
+    assert found.differences == ("sub/out.csv differs in row 3, column x: right instead of left",)
 
 
 def test_other_files_are_compared_byte_by_byte(tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_what_is_missing_new_derived_or_a_link_is_told(tmp_path: Path) -> None:
     (before / "postprocessing.yaml").write_text("entries: [{output: c/v/0/poses.csv}]\n")
     found = compare_outputs(before, now, ALL_TABLES)
     assert [text for text in found.differences if "link" not in text] == [
-        "gone.csv is missing now",
+        "gone.csv is missing",
         "new.csv is new",
     ]
     assert "secret" not in str(found)
@@ -132,8 +132,8 @@ def test_messages_of_a_topic_are_compared_whenever_they_came(tmp_path: Path) -> 
     (name,) = same.same
     assert name.endswith(".mcap:/odom")
     assert other.differences == (f"{name} differs from message 2 of 3",)
-    assert fewer.differences == (f"{name} has 2 messages now; there were 3",)
-    assert none.differences == (f"{name} has 0 messages now; there were 3",)
+    assert fewer.differences == (f"{name} has 2 messages instead of 3",)
+    assert none.differences == (f"{name} has 0 messages instead of 3",)
     assert compare_outputs(runs[4], runs[4], outputs).differences == (
         f"{name} cannot be compared: neither has a message on /odom",
     )

@@ -48,7 +48,7 @@ def test_what_cannot_be_called_is_an_error_with_its_place(
     ("command", "warning"),
     [
         ("rosbags_to_csv", "`rosbags_to_csv` without `topics` does nothing"),
-        ("rosbags_process: {workers: 2}", "workers: `workers` has no effect: runs are worked on"),
+        ("rosbags_process: {workers: 2}", "workers: `workers` has no effect: runs are always"),
         ("rosbags_bt_to_csv: {colour: red}", "does not know the parameter `colour`; it has no eff"),
         ("their_own_metrics: {a: 1}", "no plugin `their_own_metrics` is installed here"),
         ("rosbags_tf_to_cvs", "is installed here\n    Did you mean `rosbags_tf_to_csv`?"),

@@ -90,4 +90,4 @@ def test_a_search_has_a_number_of_runs(tmp_path: Path) -> None:
     with pytest.raises(DocumentError) as refused:
         load(tmp_path, "{decide: {good: 0.05, bad: 0.2}}", SEARCH)
     (problem,) = refused.value.problems
-    assert "c.vast:4:9: execution.runs: must be a number where a `search` ch" in str(problem)
+    assert "c.vast:4:9: execution.runs: must be a number if a `search` choos" in str(problem)

@@ -84,7 +84,7 @@ ONE = "  - ParameterVariationList: {name: a, values: [1, 2]}\n"
         (DRAWN, "{kind: pairwise}", 7, "`ParameterVariationDistributionUniform` draws its own"),
         (ONE, "{kind: latin, count: 2}", 8, "design.kind: must be"),
         (ONE, "{kind: lhs}", 8, "the key `count` is missing"),
-        (ONE, "{kind: full, count: 2}", 8, "leave out `count` and `seed`"),
+        (ONE, "{kind: full, count: 2}", 8, "remove `count` and `seed`"),
         (ONE, "{kind: lhs, count: 0}", 8, "count"),
         (ONE, "{kind: lhs, count: 1, sed: 1}", 8, "sed"),
         (ONE * 17, "{kind: sobol, count: 3}", 24, "a Sobol design has at most 16 variations"),
@@ -125,7 +125,7 @@ def test_a_variation_that_makes_another_number_than_announced_is_named(tmp_path:
         "    def variation(self, configs):\n"
         "        return [self.update_config(c, {'a': n}) for c in configs for n in range(2)]\n"
     )
-    with pytest.raises(InputError, match="variation 1 made 2 configurations where its `levels`"):
+    with pytest.raises(InputError, match="variation 1 created 2 configurations, but its `levels`"):
         names(tmp_path, "  - mine.py:Mine", "{kind: full}")
 
 

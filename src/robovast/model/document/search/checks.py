@@ -60,7 +60,7 @@ def _check_runs(parts: Parts) -> Iterator[Problem]:
     if parts.execution is not None and parts.execution.test() is not None:
         yield parts.source.problem(
             ("execution", "runs"),
-            "must be a number where a `search` chooses what is run",
+            "must be a number if a `search` chooses the configurations",
             "It compares sets of parameters by equally many runs, and ends by its own `budget`.",
         )
 
@@ -245,7 +245,7 @@ def _check_extract(parts: Parts, search: Search) -> Iterator[Problem]:
             kind(**params)
             known = _names(kind, params)
     except InputError as error:
-        yield parts.source.problem(base, f"`{plugin}` cannot be made: {error}")
+        yield parts.source.problem(base, f"`{plugin}` cannot be created: {error}")
         return
     for position, objective in enumerate(search.objectives):
         if known is not None and objective.name not in known:

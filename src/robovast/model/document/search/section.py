@@ -75,7 +75,7 @@ class SearchDimension(Section):
         texts = [json.dumps(value, sort_keys=True) for value in self.values]
         for index, text in enumerate(texts):
             if text in texts[:index]:
-                raise _domain_error(f"the value {text} stands twice")
+                raise _domain_error(f"the value {text} occurs twice")
 
 
 def _is_json(value: Any) -> bool:
@@ -148,9 +148,7 @@ class SearchExtract(Section):
     @model_validator(mode="after")
     def _check_one(self) -> Self:
         if self.metrics and self.model_fields_set & {"plugin", "params"}:
-            raise PydanticCustomError(
-                "search_extract", "`metrics` and `plugin` cannot stand together"
-            )
+            raise PydanticCustomError("search_extract", "`metrics` and `plugin` exclude each other")
         return self
 
     @property
@@ -304,7 +302,7 @@ class Search(Section):
         for name in names:
             if names.count(name) > 1:
                 raise PydanticCustomError(
-                    "search_objectives", "the objective `{name}` stands twice", {"name": name}
+                    "search_objectives", "the objective `{name}` occurs twice", {"name": name}
                 )
         return objectives
 
@@ -313,6 +311,6 @@ class Search(Section):
         if not self.budget and not self.stopping:
             raise PydanticCustomError(
                 "search_end",
-                "a search needs a `budget` or a `stopping` criterion, to come to an end",
+                "a search needs a `budget` or a `stopping` criterion",
             )
         return self
