@@ -66,7 +66,7 @@ def main() -> None:
             page.goto("about:blank")
             middle = options.seconds // 2
             first_frame(page, f"{server.address}{address}&t={middle}", "first frame in the middle")
-            page.get_by_role("region", name="Player").focus()
+            page.get_by_role("region", name="Playback").focus()
             page.keyboard.press("Space")
             frames("while parts are read", page)
             page.locator(".marks[data-complete]").wait_for(timeout=120_000)

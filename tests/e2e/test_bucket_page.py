@@ -89,7 +89,7 @@ def test_the_page_fetches_what_is_looked_at(place: Place) -> None:
         expect.set_options(timeout=1000 * PATIENCE)
         page.goto(f"{server.address}#/campaign/{NAME}?x=speed&y=width")
         expect(page.locator("[data-cell]")).to_have_count(20)
-        failures = page.get_by_role("region", name="Why runs did not pass")
+        failures = page.get_by_role("region", name="Causes of unsuccessful runs")
         expect(failures).to_contain_text("goal not reached: no goal after 20 s")
         page.locator("tr[data-row]").first.get_by_role("link").click()
         expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("hall-5/1 .*failed"))

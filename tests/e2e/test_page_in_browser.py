@@ -241,8 +241,8 @@ def test_three_clicks_from_a_local_run_to_the_log_of_the_failing_one(
         expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("one-2/0 .*failed"))
         lines = page.get_by_role("region", name="Lines of the log")
         expect(lines).to_contain_text("no goal for 2")
-        again = page.get_by_label("Run it again here").inner_text()
-        more = page.get_by_label("Run 10 more here").inner_text()
+        again = page.get_by_label("Reproduce on this machine").inner_text()
+        more = page.get_by_label("Run 10 more on this machine").inner_text()
         assert more.endswith("--config=one-2 --runs=11")
     words = [str(VAST), *shlex.split(again)[1:]]
     repeated = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
@@ -257,11 +257,11 @@ def test_a_cell_has_the_command_that_runs_its_configurations_more_often(
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}?x=speed&y=-")
         page.locator('[data-cell="1,0"]').click()
-        page.get_by_label("Runs in all, of each of 2 configurations").fill("7")
+        page.get_by_label("Total runs of each of 2 configurations").fill("7")
         page.keyboard.press("Enter")
         expect(page.locator(".beside")).not_to_contain_text("all intervals are wider")
-        expect(page.locator(".run-more")).to_contain_text("make the intervals of all")
-        command = page.get_by_label("Run 4 more here")
+        expect(page.locator(".run-more")).to_contain_text("widens the intervals of all")
+        command = page.get_by_label("Run 4 more on this machine")
         expect(command).to_contain_text(f"--resume={root} --config=hall-3 --config=hall-4 --runs=7")
         page.evaluate(axe)
         found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
@@ -273,7 +273,7 @@ def test_a_cell_has_the_command_that_runs_its_configurations_more_often(
         expect(page.locator(".beside")).to_contain_text(
             "Runs were added after the verdicts were visible"
         )
-        expect(page.locator(".run-more")).not_to_contain_text("make the intervals of all")
+        expect(page.locator(".run-more")).not_to_contain_text("widens the intervals of all")
         page.screenshot(path=tmp_path / "wider.png", full_page=True)
 
 
@@ -287,7 +287,7 @@ def test_a_cell_of_a_campaign_of_a_cluster_has_the_command_of_the_cluster(
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}?x=speed&y=-")
         page.locator('[data-cell="1,0"]').click()
-        page.get_by_label("Runs in all, of each of 2 configurations").fill("7")
+        page.get_by_label("Total runs of each of 2 configurations").fill("7")
         page.keyboard.press("Enter")
         command = page.get_by_label("Run 4 more in the cluster")
         expect(command).to_contain_text('"name": "hall-3-more"')
@@ -309,27 +309,27 @@ def test_more_runs_are_seen_and_stopped_where_they_were_started(
     (root / "_config" / "files" / "pause").write_text("600")
     with browsing(page, results, cwd=tmp_path) as address:
         page.goto(f"{address}#/campaign/{root.name}/one-1/0")
-        page.get_by_label("Runs in all").fill("4")
+        page.get_by_label("Total runs").fill("4")
         page.keyboard.press("Enter")
         page.get_by_role("button", name="Run 3 more").click()
         expect(page.get_by_role("heading", level=1)).to_contain_text("one-1/0")
-        launched = page.get_by_role("region", name="The campaign that was started here")
-        expect(launched).to_contain_text("It is running.")
+        launched = page.get_by_role("region", name="Campaign started here")
+        expect(launched).to_contain_text("Running.")
         expect(launched).to_be_in_viewport()
-        expect(launched).to_contain_text("3 to come")
+        expect(launched).to_contain_text("3 pending")
         expect(launched.get_by_role("region", name="Output")).to_contain_text("4 runs, 1 of them")
-        expect(page.get_by_label("Run 10 more here")).to_contain_text("--runs=14")
+        expect(page.get_by_label("Run 10 more on this machine")).to_contain_text("--runs=14")
         page.screenshot(path=tmp_path / "further.png", full_page=True)
         page.evaluate(axe)
         found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
         assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == []
         page.get_by_role("link", name="a campaign is running").click()
         expect(page.get_by_role("heading", level=1)).to_contain_text(root.name)
-        expect(launched).to_contain_text("It is running.")
+        expect(launched).to_contain_text("Running.")
         page.goto(f"{address}#/start")
         expect(page.locator(".hint").first).to_contain_text("several .vast files")
         launched.get_by_role("button", name="Stop").click()
-        expect(launched).to_contain_text("It was stopped.")
+        expect(launched).to_contain_text("Stopped.")
 
 
 def test_a_campaign_is_run_from_the_page_and_looked_at(
@@ -346,21 +346,21 @@ def test_a_campaign_is_run_from_the_page_and_looked_at(
         expect(page.locator("tr[data-row]")).to_have_count(2)
         page.get_by_label("Runtime").select_option("process")
         page.get_by_role("button", name="Run", exact=True).click()
-        launched = page.get_by_role("region", name="The campaign that was started here")
-        expect(launched).to_contain_text("A run failed.")
+        launched = page.get_by_role("region", name="Campaign started here")
+        expect(launched).to_contain_text("At least one run failed.")
         expect(launched.get_by_role("region", name="Output")).to_contain_text("1 failed")
         page.reload()
-        expect(launched).to_contain_text("A run failed.")
+        expect(launched).to_contain_text("At least one run failed.")
         page.screenshot(path=tmp_path / "start.png", full_page=True)
         page.evaluate(axe)
         found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
         assert [(v["id"], v["nodes"][0]["html"]) for v in found["violations"]] == []
-        page.get_by_role("link", name="Show its runs").click()
+        page.get_by_role("link", name="Show the runs").click()
         page.locator("tr[data-row]").first.get_by_role("link").click()
         expect(page.get_by_role("region", name="Lines of the log")).to_contain_text("no goal for 2")
-        page.get_by_role("button", name="Run it again").click()
+        page.get_by_role("button", name="Reproduce").click()
         expect(page.get_by_role("heading", level=1)).to_contain_text("one-2/0")
-        expect(launched).to_contain_text("The run ended as before.")
+        expect(launched).to_contain_text("The verdict was reproduced.")
         compared = launched.get_by_label("Comparison with the original")
         expect(compared).to_contain_text("same verdict (failed)")
         launched.get_by_role("link", name="Show the run").click()
@@ -383,10 +383,10 @@ def test_a_replay_that_cannot_be_started_says_why_on_the_page(page: Page, tmp_pa
     write(root / "_transient" / "configurations.yaml", "[: {")
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}/hall-1/0")
-        page.get_by_role("button", name="Run it again").click()
-        launched = page.get_by_role("region", name="The campaign that was started here")
+        page.get_by_role("button", name="Reproduce").click()
+        launched = page.get_by_role("region", name="Campaign started here")
         expect(launched.get_by_role("alert")).to_contain_text("configurations.yaml")
-        expect(launched).to_contain_text("It cannot be run as it was asked for.")
+        expect(launched).to_contain_text("An input is invalid.")
 
 
 def test_a_run_that_is_reproduced_is_the_one_that_is_shown(page: Page, tmp_path: Path) -> None:
@@ -401,8 +401,8 @@ def test_a_run_that_is_reproduced_is_the_one_that_is_shown(page: Page, tmp_path:
     other = next(r for r in records if r["verdict"] != records[0]["verdict"])
     with browsing(page, results) as address:
         page.goto(f"{address}#/campaign/{root.name}/one-1/{other['run']}")
-        expect(page.get_by_label("Run it again here")).to_contain_text("vast replay ")
-        page.get_by_role("button", name="Run it again").click()
+        expect(page.get_by_label("Reproduce on this machine")).to_contain_text("vast replay ")
+        page.get_by_role("button", name="Reproduce").click()
         compared = page.get_by_label("Comparison with the original")
         expect(compared).to_contain_text(f"(seed {other['seed']}): same verdict")
         expect(compared).to_contain_text("same seed.csv")
@@ -418,12 +418,12 @@ def test_a_run_and_its_launch_follow_their_own_campaign(page: Page, tmp_path: Pa
     first = min(path.name for path in results.iterdir())
     with shown(results, postprocess=True, cwd=tmp_path) as server:
         page.goto(f"{server.address}#/campaign/{first}/one-1/0")
-        page.get_by_label("Runs in all").fill("3")
+        page.get_by_label("Total runs").fill("3")
         page.keyboard.press("Enter")
         page.get_by_role("button", name="Run 2 more").click()
-        launched = page.get_by_role("region", name="The campaign that was started here")
-        expect(launched).to_contain_text("Every run passed.")
-        expect(launched.get_by_role("heading")).to_have_text("Further runs ")
+        launched = page.get_by_role("region", name="Campaign started here")
+        expect(launched).to_contain_text("All runs passed.")
+        expect(launched.get_by_role("heading")).to_have_text("Additional runs ")
         expect(launched).to_contain_text("3 passed")
         siblings = page.get_by_role("navigation", name="Runs of this configuration")
         expect(siblings.get_by_role("link")).to_have_count(3)  # without a reload
@@ -499,9 +499,9 @@ def test_a_log_is_on_the_first_screen_of_a_telephone(page: Page, server: ShownPa
     page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0")
     wrong = page.get_by_role("region", name="Lines of the log").get_by_text("goal not reached")
     expect(wrong).to_be_in_viewport(ratio=0.95)
-    expect(page.get_by_text("Run it again here")).to_be_hidden()
-    page.get_by_text("About this run").click()
-    expect(page.get_by_text("Run it again here")).to_be_visible()
+    expect(page.get_by_text("Reproduce on this machine")).to_be_hidden()
+    page.get_by_text("Run details").click()
+    expect(page.get_by_text("Reproduce on this machine")).to_be_visible()
 
 
 def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
@@ -510,7 +510,7 @@ def test_a_cell_and_a_filter_choose_runs_and_the_address_says_so(
     page.goto(f"{server.address}#/campaign/{NAME}?x=speed&y=width")
     page.get_by_role("button", name=re.compile("^2, 1.2:")).click()
     expect(page.get_by_role("main").get_by_role("status")).to_have_text("8 of 48 runs")
-    page.get_by_label("Find").fill("map=hall")
+    page.get_by_label("Filter").fill("map=hall")
     expect(page.get_by_role("main").get_by_role("status")).to_have_text("4 of 48 runs")
     page.get_by_role("button", name=re.compile("Duration")).click()
     expect(page).to_have_url(re.compile("[?&]sort="))
@@ -532,7 +532,7 @@ def test_the_first_runs_are_there_while_others_are_read(page: Page, server: Show
     page.goto(f"{server.address}#/campaign/{NAME}")
     expect(page.locator("tr[data-row]").first).to_be_visible()
     title = page.get_by_role("heading", level=1)
-    expect(title).to_contain_text("reading: 3 of 12 configurations")
+    expect(title).to_contain_text("3 of 12 configurations read")
     expect(page.locator("[data-cell]")).to_have_count(0)
     held[0].continue_()
     expect(title).to_contain_text("incomplete" if whole["resume"] else "finished")
@@ -561,11 +561,13 @@ def test_a_cause_filters_everything_and_a_verdict_no_rate(page: Page, tmp_path: 
             expect(status).to_contain_text(" of 16 runs")
             expect(cells.locator("small")).to_have_text(shares)
             chip.click()
-        page.get_by_label("Find").fill("failed")
+        page.get_by_label("Filter").fill("failed")
         expect(status).to_have_text("4 of 16 runs")
         expect(cells.locator("small")).to_have_text(shares)
-        page.get_by_label("Find").fill("")
-        causes = page.get_by_role("region", name="Why runs did not pass").get_by_role("button")
+        page.get_by_label("Filter").fill("")
+        causes = page.get_by_role("region", name="Causes of unsuccessful runs").get_by_role(
+            "button"
+        )
         expect(causes).to_have_count(2)
         expect(causes.first).to_contain_text("speed = 2")
         causes.last.click()
@@ -573,7 +575,7 @@ def test_a_cause_filters_everything_and_a_verdict_no_rate(page: Page, tmp_path: 
         expect(cells.locator("small")).to_have_text(["1/4", "0/4", "0/4", "0/4"])
         page.reload()
         expect(causes.last).to_have_attribute("aria-pressed", "true")
-        page.get_by_role("button", name="Only the chosen cause").click()
+        page.get_by_role("button", name="Only the selected cause").click()
         expect(status).to_have_text("16 runs")
 
 
@@ -597,16 +599,20 @@ def test_the_matrix_begins_with_what_was_varied_and_matters(page: Page, tmp_path
     write_campaign(tmp_path, variants=variants, runs=4, judge=fails, outputs=False, factors=factors)
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}")
-        expect(page.get_by_text("separate failures best; of")).to_contain_text("margin and ")
+        expect(page.get_by_text("separate failures best. The effect of")).to_contain_text(
+            "margin and "
+        )
         expect(page.get_by_label("Across")).to_have_value("margin")
-        effects = page.get_by_role("region", name="What makes runs fail").get_by_role("button")
+        effects = page.get_by_role("region", name="Effect of factors on failures").get_by_role(
+            "button"
+        )
         expect(effects.first).to_contain_text("margin ≤ 0.02 m")
-        expect(effects.first).to_contain_text("75 % instead of 0 %")
+        expect(effects.first).to_contain_text("75 %, elsewhere 0 %")
         expect(effects).to_have_count(3)
         expect(page.get_by_role("columnheader", name="map_file")).to_have_count(0)
         effects.filter(has_text="floor_plan").click()
         expect(page.get_by_label("Across")).to_have_value("floor_plan")
-        page.get_by_label("Find").fill("map_file=depot.yaml margin<0.05")
+        page.get_by_label("Filter").fill("map_file=depot.yaml margin<0.05")
         expect(page.get_by_role("main").get_by_role("status")).to_have_text("12 of 48 runs")
 
 
@@ -636,7 +642,7 @@ def test_lines_are_chosen_along_an_axis_and_axes_moved(page: Page, server: Shown
     expect(page.locator(".about-line")).to_contain_text("speed 2")
     page.reload()
     expect(status).to_have_text("16 of 48 runs")
-    page.get_by_role("button", name="Only the chosen lines").click()
+    page.get_by_role("button", name="Only the selected lines").click()
     expect(status).to_have_text("48 runs")
 
 
@@ -691,15 +697,15 @@ def test_columns_are_chosen_and_remembered(page: Page, server: ShownPage) -> Non
     page.goto(f"{server.address}#/campaign/{LATER}")
     expect(heads).to_have_text(fewer)
     page.get_by_text(re.compile("^Columns")).click()
-    page.get_by_role("button", name="As usual").click()
+    page.get_by_role("button", name="Reset").click()
     expect(heads).to_have_text(usual)
 
 
 def test_a_misspelt_parameter_is_named(page: Page, server: ShownPage) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}?q=sped>1")
-    expect(page.get_by_text("There is no parameter or column “sped”")).to_be_visible()
+    expect(page.get_by_text("Unknown parameter or column “sped”")).to_be_visible()
     page.get_by_role("button", name="speed", exact=True).last.click()
-    expect(page.get_by_label("Find")).to_have_value("speed>1")
+    expect(page.get_by_label("Filter")).to_have_value("speed>1")
 
 
 def test_a_log_is_searched_and_filtered(page: Page, server: ShownPage) -> None:
@@ -727,7 +733,7 @@ def test_a_log_opens_at_its_first_error_with_seconds_since_the_start(
         expect(wrong).to_be_in_viewport()
         expect(wrong.locator(".when")).to_have_text("0.090 s")
         expect(wrong.locator(".said")).to_have_text("[ERROR] [robot]: collision")
-        page.get_by_role("button", name="The end").click()
+        page.get_by_role("button", name="Last lines").click()
         expect(log.last.locator(".when")).to_have_text("4.999 s")
         page.get_by_role("button", name="First error").click()
         expect(wrong).to_be_in_viewport()
@@ -754,7 +760,7 @@ def test_a_column_is_drawn_for_all_runs_of_a_configuration(page: Page, server: S
     page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0?tab=plots")
     page.get_by_role("button", name="All runs").click()
     status = page.get_by_role("tabpanel").get_by_role("status")
-    expect(status).to_contain_text("This run and 3 of 3 others")
+    expect(status).to_contain_text("This run and 3 other runs.")
     plots = page.get_by_role("img", name=re.compile("^position.x of 4 runs: run 1, run 2, run 3, "))
     expect(plots).to_have_count(1)
     page.get_by_role("combobox", name="Table").select_option("resource_usage_main.csv")
@@ -770,7 +776,7 @@ def test_a_text_is_searched_in_the_logs_of_all_runs(page: Page, tmp_path: Path) 
         page.get_by_label("Text in the logs").fill("SENSOR")
         page.keyboard.press("Enter")
         expect(page.get_by_role("search").get_by_role("status")).to_have_text(
-            "2 runs of 120 searched"
+            "2 matching runs, 120 runs searched"
         )
         headings = page.get_by_role("tabpanel").get_by_role("heading", level=2)
         expect(headings).to_have_text([re.compile("^goal not reached.* 1 run$"), "passed 1 run"])
@@ -807,7 +813,7 @@ def test_a_campaign_says_that_it_was_stopped_or_removed(page: Page, tmp_path: Pa
     (root / "hall-1" / "0" / "run.json").write_text("{")
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}")
-        expect(page.get_by_role("main")).to_contain_text("1 not executed")
+        expect(page.get_by_role("main")).to_contain_text("1 not run")
         expect(page.locator(".command code")).to_contain_text(f"--resume={root}")
         page.get_by_role("link", name="hall-1/0").click()
         expect(page.get_by_role("heading", level=1)).to_contain_text("errored")
@@ -828,7 +834,7 @@ def test_a_drive_is_played_with_keys_and_looked_at_from_any_moment(
     page: Page, server: ShownPage
 ) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0?tab=player")
-    player = page.get_by_role("region", name="Player")
+    player = page.get_by_role("region", name="Playback")
     where = player.locator(".where")
     expect(where).to_contain_text("16.90 of 19.90 s · x ")  # it failed: shortly before its end
     player.focus()
@@ -853,15 +859,15 @@ def test_a_drive_is_played_with_keys_and_looked_at_from_any_moment(
     player.get_by_role("button", name="Side by side").click()
     expect(player.locator("canvas.stage")).to_have_count(2)
     player.get_by_role("button", name="All runs").click()
-    expect(player.get_by_role("status")).to_have_text("1 other run on the map; all of them passed.")
+    expect(player.get_by_role("status")).to_have_text("1 other run on the map, all passed.")
 
 
 def test_the_camera_shows_what_it_saw_at_the_moment_that_is_looked_at(
     page: Page, server: ShownPage
 ) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}/hall-9/0?tab=player&t=0")
-    seen = page.get_by_role("img", name="What the camera of hall-9/0 sees")
-    page.get_by_role("region", name="Player").focus()
+    seen = page.get_by_role("img", name="Camera image of hall-9/0")
+    page.get_by_role("region", name="Playback").focus()
 
     def shows(red: int) -> bool:
         picture = Image.open(io.BytesIO(seen.screenshot())).convert("RGB")
@@ -887,23 +893,23 @@ def test_what_a_recording_lacks_is_said_and_the_rest_is_shown(page: Page, tmp_pa
         bag.picture(1.0, whole[: whole.index(b"\xff\xda")])  # its size, and nothing to see
     with browsing(page, tmp_path / "results") as address:
         page.goto(f"{address}#/campaign/{NAME}/hall-1/0?tab=player&t=5")
-        player = page.get_by_role("region", name="Player")
+        player = page.get_by_role("region", name="Playback")
         lacks = player.get_by_role("note")
         expect(lacks).to_contain_text("Without a map")
         expect(lacks).to_contain_text("Without the laser")
         expect(lacks).to_contain_text("The robot never moved more than 5 cm.")
-        expect(lacks).to_contain_text("The camera's picture at 1.00 s is damaged.")
+        expect(lacks).to_contain_text("The camera image at 1.00 s is damaged.")
         where = player.locator(".where")
         expect(where).to_contain_text("x 1.00 m, y 1.00 m")
-        expect(where).to_contain_text("picture of 1.0 s · no pose for 3.1 s")
+        expect(where).to_contain_text("image from 1.0 s · no pose for 3.1 s")
 
 
 def test_a_small_map_leads_to_the_run_that_failed(page: Page, server: ShownPage) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}?view=maps")
-    page.get_by_label("Find").fill("speed=2 width=0.8 map=hall")
-    page.get_by_role("link", name=re.compile(r"^hall-9: \d+ % failed")).click()
+    page.get_by_label("Filter").fill("speed=2 width=0.8 map=hall")
+    page.get_by_role("link", name=re.compile(r"^hall-9: \d+ % unsuccessful")).click()
     expect(page.get_by_role("heading", level=1)).to_contain_text("hall-9/0")
-    expect(page.get_by_role("region", name="Player")).to_be_visible()
+    expect(page.get_by_role("region", name="Playback")).to_be_visible()
 
 
 def test_a_place_where_runs_fail_leads_to_one_of_them(page: Page, server: ShownPage) -> None:
@@ -913,12 +919,12 @@ def test_a_place_where_runs_fail_leads_to_one_of_them(page: Page, server: ShownP
     expect(places.first.get_by_role("button")).to_have_accessible_name(
         re.compile(r"^\d+ failures at 9.9, 1.0$")
     )
-    page.get_by_label("Find").fill("speed=2 width=0.8 map=hall verdict=failed")
+    page.get_by_label("Filter").fill("speed=2 width=0.8 map=hall verdict=failed")
     place = places.get_by_role("link", name="1 failure at 9.9, 1.0: hall-9/0")
     expect(place).to_be_in_viewport()
     place.click()
     expect(page.get_by_role("heading", level=1)).to_contain_text("hall-9/0")
-    expect(page.get_by_role("region", name="Player")).to_contain_text("16.90 of 19.90 s")
+    expect(page.get_by_role("region", name="Playback")).to_contain_text("16.90 of 19.90 s")
 
 
 def test_a_search_is_mapped_looked_at_with_keys_and_followed_while_it_runs(
@@ -929,7 +935,9 @@ def test_a_search_is_mapped_looked_at_with_keys_and_followed_while_it_runs(
     with open(root / ".running/lock", "w") as lock, browsing(page, tmp_path / "results") as address:
         fcntl.flock(lock, fcntl.LOCK_EX)
         page.goto(f"{address}#/campaign/{LIMITS}")
-        expect(page.locator(".search-state")).to_contain_text("Under way. 24 sets evaluated in 2")
+        expect(page.locator(".search-state")).to_contain_text(
+            "Running. 24 parameter sets evaluated in 2"
+        )
         table = page.get_by_role("region", name="Critical values")
         expect(table.get_by_role("row")).to_have_count(3)
         dry = table.inner_text()
@@ -938,14 +946,16 @@ def test_a_search_is_mapped_looked_at_with_keys_and_followed_while_it_runs(
         page.locator(".place-of").get_by_label("surface").select_option(label="wet")
         expect(table).not_to_have_text(dry)
         write_search(tmp_path / "results", LIMITS)
-        expect(page.locator(".search-state")).to_contain_text("Ended: batches 4/4. 48 sets")
+        expect(page.locator(".search-state")).to_contain_text(
+            "Finished: batches 4/4. 48 parameter sets"
+        )
         expect(page.get_by_text("batches 4 / 4")).to_be_visible()
         command = page.locator(".search .command code")
         expect(command).to_have_text(re.compile(rf"--resume=.*{LIMITS} --batches 6$"))
         field = page.get_by_role("application", name="48 parameter sets over speed and load")
         field.focus()
         page.keyboard.press("ArrowRight")
-        expect(page.get_by_text("· boundary 0.1.0, knowing")).to_contain_text(" of 3 runs")
+        expect(page.get_by_text("· boundary 0.1.0, ")).to_contain_text(" of 3 runs")
         page.keyboard.press("Enter")
         expect(page.get_by_role("heading", level=1)).to_have_text(re.compile("c[0-9a-f]{12}/0"))
 
@@ -964,7 +974,7 @@ def test_several_campaigns_are_compared_with_the_oldest(page: Page, server: Show
     page.goto(server.address)
     for name in (LAST, NAME, LATER):
         page.get_by_label(f"Compare {name}").check()
-    page.get_by_role("link", name=f"Compare {NAME} with 2 later ones").click()
+    page.get_by_role("link", name=f"Compare {NAME} with 2 later campaigns").click()
     campaigns = page.get_by_role("region", name="Campaigns")
     expect(campaigns.get_by_role("rowheader")).to_have_text([LATER, LAST])
     rows = page.get_by_role("region", name="Configurations").locator("tr[data-row]")
@@ -983,11 +993,11 @@ def test_a_configuration_has_a_history(page: Page, server: ShownPage, tmp_path: 
     dots = page.get_by_role("list", name="hall-9 over campaigns").get_by_role("link")
     expect(dots).to_have_count(3)
     expect(dots.nth(1)).to_have_attribute("aria-current", "page")
-    expect(page.get_by_text("hall-9 in 3 campaigns, the oldest first.")).to_be_visible()
-    expect(page.get_by_text("it is empty where all passed")).to_be_visible()
+    expect(page.get_by_text("hall-9 in 3 campaigns, oldest first.")).to_be_visible()
+    expect(page.get_by_text("An empty dot means that all runs passed.")).to_be_visible()
     assert "rgba(0, 0, 0, 0) 0" in dots.first.evaluate("e => getComputedStyle(e).backgroundImage")
     name = dots.first.get_attribute("aria-label") or ""
-    assert re.fullmatch(rf"{NAME}; \d of 4 did not pass", name)
+    assert re.fullmatch(rf"{NAME}; \d of 4 unsuccessful", name)
     page.screenshot(path=tmp_path / "history.png")
     dots.first.click()
     expect(page).to_have_url(re.compile(rf"#/campaign/{NAME}\?q=variant%3Dhall-9$"))
@@ -1003,7 +1013,7 @@ def test_a_comparison_says_what_changed_and_what_it_could_have_shown(
     write(tmp_path / LATER / "_config" / "hall.vast", "version: 1\nexecution: {runs: 2}\n")
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/compare?a={NAME}&b={LATER}")
-        changed = page.get_by_role("region", name="What changed")
+        changed = page.get_by_role("region", name="Changes")
         expect(changed.get_by_role("region", name="lines of hall.vast")).to_contain_text(
             "+execution: {runs: 2}"
         )
@@ -1011,7 +1021,7 @@ def test_a_comparison_says_what_changed_and_what_it_could_have_shown(
             "-robots/hall:7"
         )
         expect(page.get_by_text("cannot fall below 0.333")).to_contain_text(
-            "5 runs of each, before and after, would"
+            "5 runs of each configuration are needed"
         )
 
 
@@ -1051,7 +1061,7 @@ def test_a_comparison_keeps_the_axes_and_says_nothing_of_one_campaign(
             assert across == ("margin" if first == NAME else "speed")
             for a, b in ((first, second), (second, first)):
                 page.goto(f"{address}#/compare?a={a}&b={b}")
-                expect(page.get_by_text("Where it changed")).to_be_visible()
+                expect(page.get_by_text("Change by parameter")).to_be_visible()
                 expect(page.get_by_label("Across")).to_have_value(across)
                 expect(page.get_by_text("separate failures best")).to_have_count(0)
 
@@ -1068,7 +1078,9 @@ def test_causes_have_their_range_and_separate_groups(page: Page, tmp_path: Path)
         record.write_text(json.dumps(data))
     with browsing(page, tmp_path) as address:
         page.goto(f"{address}#/campaign/{NAME}")
-        causes = page.get_by_role("region", name="Why runs did not pass").get_by_role("button")
+        causes = page.get_by_role("region", name="Causes of unsuccessful runs").get_by_role(
+            "button"
+        )
         expect(causes).to_have_count(2)
         expect(causes.nth(0)).to_contain_text("collision after 2.0 – 7.6 s at …")
         expect(causes.nth(0)).to_contain_text("0.5 – 1.9")
@@ -1097,14 +1109,14 @@ def test_a_campaign_is_readable(page: Page, tmp_path: Path) -> None:
         expect(short.locator("[title]")).to_have_attribute("title", whole)
         page.get_by_role("tab", name="Matrix").press("/")
         page.keyboard.type("speed>1")
-        expect(page.get_by_label("Find")).to_have_value("speed>1")
+        expect(page.get_by_label("Filter")).to_have_value("speed>1")
         page.get_by_role("tab", name="Mixed verdicts").click()
         mixed = page.get_by_role("region", name="Configurations with mixed verdicts")
-        expect(mixed.get_by_role("img", name="1 of 2 did not pass").first).to_have_text("✕✓")
-        page.get_by_role("tab", name="Document").click()
+        expect(mixed.get_by_role("img", name="1 of 2 unsuccessful").first).to_have_text("✕✓")
+        page.get_by_role("tab", name="Sources").click()
         expect(page.get_by_role("region", name="Text of hall.vast")).to_have_text(text)
         page.goto(f"{address}#/campain/{NAME}")
-        expect(page.get_by_role("heading", name="There is no such page")).to_be_visible()
+        expect(page.get_by_role("heading", name="Page not found")).to_be_visible()
 
 
 def test_one_returns_to_where_one_was(page: Page, tmp_path: Path) -> None:

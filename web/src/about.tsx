@@ -1,21 +1,22 @@
 // What a campaign says of itself: its .vast file and its scenario; what changed since another.
 import { address, type About, type Change } from "./api";
-import { plural } from "./format";
+
 import { useAnswer } from "./live";
 import { Waiting } from "./parts";
+import { CHANGES, SOURCES } from "./text";
 
 export function useAbout(campaign: string): About | null {
   return useAnswer<About>(address(["campaigns", campaign, "about"])).data;
 }
 
 export function Sources({ about }: { about: About }) {
-  if (about.sources.length === 0) return <p class="hint">The campaign brought no .vast file along.</p>;
+  if (about.sources.length === 0) return <p class="hint">{SOURCES.none}</p>;
   return (
     <>
       {about.sources.map(({ name, text }) => (
         <section key={name} aria-label={name}>
           <h2>{name}</h2>
-          <pre class="source" tabIndex={0} role="region" aria-label={`Text of ${name}`}>
+          <pre class="source" tabIndex={0} role="region" aria-label={SOURCES.textOf(name)}>
             {text}
           </pre>
         </section>
@@ -24,22 +25,22 @@ export function Sources({ about }: { about: About }) {
   );
 }
 
-const KINDS = { changed: "", added: "added", removed: "removed" };
+
 
 /** The lines that differ between the inputs of two campaigns. */
 export function Changes({ a, b }: { a: string; b: string }) {
   const { data, error } = useAnswer<Change[]>(address(["changes"], { a, b }));
   return (
     <section aria-labelledby="changes">
-      <h2 id="changes">What changed</h2>
+      <h2 id="changes">{CHANGES.title}</h2>
       {!data && <Waiting error={error} />}
-      {data?.length === 0 && <p class="quiet">Nothing: image, .vast file, scenario and all other files are equal.</p>}
+      {data?.length === 0 && <p class="quiet">{CHANGES.none}</p>}
       {data?.map((change, place) => (
         <details key={change.name} open={place < OPEN && change.lines.length <= SHORT}>
           <summary>
-            {change.name} <span class="quiet">{KINDS[change.kind] || tally(change)}</span>
+            {change.name} <span class="quiet">{CHANGES.kinds[change.kind] || tally(change)}</span>
           </summary>
-          {change.lines.length > 0 ? <Diff change={change} /> : <p class="quiet">No text, or too long to show.</p>}
+          {change.lines.length > 0 ? <Diff change={change} /> : <p class="quiet">{CHANGES.noText}</p>}
         </details>
       ))}
     </section>
@@ -58,14 +59,14 @@ function tally({ lines }: Change): string {
 function Diff({ change }: { change: Change }) {
   const kind = (line: string) => ({ "+": "ins", "-": "del" })[line[0] ?? ""];
   return (
-    <pre class="source" tabIndex={0} role="region" aria-label={`Changed lines of ${change.name}`}>
+    <pre class="source" tabIndex={0} role="region" aria-label={CHANGES.linesOf(change.name)}>
       {change.lines.map((line, place) => (
         <span key={place} class={kind(line)}>
           {line}
           {"\n"}
         </span>
       ))}
-      {change.more > 0 && `… and ${plural(change.more, "more line")}`}
+      {change.more > 0 && CHANGES.moreLines(change.more)}
     </pre>
   );
 }

@@ -1,6 +1,7 @@
 // What the server answers; the names are those of the Python side.
 
 import { followed } from "./pending";
+import { SERVER } from "./text";
 
 export type Verdict = "passed" | "failed" | "errored" | "interrupted";
 export const VERDICTS: Verdict[] = ["passed", "failed", "errored", "interrupted"];
@@ -340,11 +341,11 @@ async function respond(url: string, options: RequestInit): Promise<Response> {
     answer = await fetch(url, options);
   } catch (cause) {
     if (options.signal?.aborted) throw cause;
-    throw new Error("The server does not answer. Is `vast evaluation gui` still running?");
+    throw new Error(SERVER.silent);
   }
   if (!answer.ok) {
     const said = await answer.json().catch(() => null);
-    throw new Error(said?.error ?? `The server answered ${answer.status}.`);
+    throw new Error(said?.error ?? SERVER.status(answer.status));
   }
   return answer;
 }

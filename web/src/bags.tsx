@@ -4,6 +4,7 @@ import { show } from "./data";
 import { count, duration, moment } from "./format";
 import { useAnswer } from "./live";
 import { Export } from "./parts";
+import { BAGS } from "./text";
 
 const WIDTH = 300;
 const HEIGHT = 22;
@@ -25,20 +26,20 @@ function BagOf({ bag }: { bag: Bag }) {
       <h2>{bag.path.split("/").slice(3).join("/")}</h2>
       <p class="quiet">
         {moment(bag.start)}, {duration(bag.duration)}
-        {error !== null && `. No timeline: ${error}`}
+        {error !== null && BAGS.noTimeline(error)}
       </p>
       <div class="tools">
         <Export name="topics" rows={() => [["topic", "type", "messages"], ...bag.topics]} />
       </div>
-      <div class="scroll" tabIndex={0} role="region" aria-label={`Topics of ${bag.path}`}>
+      <div class="scroll" tabIndex={0} role="region" aria-label={BAGS.topicsOf(bag.path)}>
         <table class="plain">
           <thead>
             <tr>
-              <th>Topic</th>
-              <th>Type</th>
-              <th class="number">Messages</th>
-              <th class="number">Per second</th>
-              <th>Over time</th>
+              <th>{BAGS.topic}</th>
+              <th>{BAGS.type}</th>
+              <th class="number">{BAGS.messages}</th>
+              <th class="number">{BAGS.perSecond}</th>
+              <th>{BAGS.overTime}</th>
             </tr>
           </thead>
           <tbody>
@@ -71,7 +72,7 @@ function Strip({ topic, counts }: { topic: string; counts: number[] }) {
     return messages ? `M${(part * step).toFixed(1)} ${HEIGHT}v${(-height).toFixed(1)}h${step.toFixed(1)}V${HEIGHT}z` : "";
   });
   return (
-    <svg class="strip" viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={`Messages of ${topic} over time`}>
+    <svg class="strip" viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="img" aria-label={BAGS.messagesOf(topic)}>
       <path d={bars.join("")} />
     </svg>
   );

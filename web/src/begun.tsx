@@ -1,7 +1,8 @@
 // The first runs of a campaign, while the server still reads the others.
 import { useEffect, useState } from "preact/hooks";
 import { address, ask, type Columns } from "./api";
-import { count } from "./format";
+import { CAMPAIGN } from "./text";
+
 
 /** How long the whole campaign is waited for at first [ms], and how much longer each further time. */
 const PAUSE = 150;
@@ -34,7 +35,7 @@ export function useBegun(name: string, isWaiting: boolean): Columns | null {
 export function StillReading({ reading: [done, all] }: { reading: [done: number, all: number] }) {
   return (
     <span class="state running" role="status">
-      reading: {count(done)} of {count(all)} configurations
+      {CAMPAIGN.read(done, all)}
     </span>
   );
 }

@@ -6,7 +6,7 @@ import { ColumnsPick, runLink, useColumns } from "./columns";
 import { among, matcher, misspelt, show, sorted, valueOf, variantMatcher, verdictOf, type Run, type Shown } from "./data";
 import { FailureList } from "./failure-list";
 import { failedFor } from "./failures";
-import { count, duration, moment, plural } from "./format";
+import { count, duration, moment } from "./format";
 import { Grid } from "./grid";
 import { useAnswer, type Versions } from "./live";
 import { Sources, useAbout } from "./about";
@@ -24,6 +24,7 @@ import { Copy, Export, Folded, Mark, State, Tabs, VerdictBar, Waiting } from "./
 import { choose, link } from "./route";
 import { RunMore } from "./run-more";
 import { SearchView } from "./search";
+import { CAMPAIGN, COMMON, NOTEBOOKS } from "./text";
 
 /** Also of a campaign that was removed: to ask again says so. */
 export function isStale(data: Columns, versions: Versions): boolean {
@@ -49,12 +50,12 @@ function Head({ data }: { data: Columns }) {
   const about = useAbout(summary.name);
   const { execution } = summary;
   const facts: [string, string][] = [
-    ["Started", moment(summary.started_at)],
-    ["Duration", duration(summary.duration)],
-    ["Configurations", count(summary.variants)],
-    ["Image", show(execution.image || null)],
-    ["Executed", show(execution.execution_type ?? null)],
-    ["RoboVAST", show(execution.robovast_version ?? null)],
+    [COMMON.started, moment(summary.started_at)],
+    [COMMON.duration, duration(summary.duration)],
+    [COMMON.configurations, count(summary.variants)],
+    [COMMON.image, show(execution.image || null)],
+    [CAMPAIGN.execution, show(execution.execution_type ?? null)],
+    [CAMPAIGN.version, show(execution.robovast_version ?? null)],
   ];
   return (
     <div class="head">
@@ -66,7 +67,7 @@ function Head({ data }: { data: Columns }) {
       <VerdictBar summary={summary} />
       {data.active.length > 0 && (
         <p class="active">
-          Running now:{" "}
+          {CAMPAIGN.runningNow}{" "}
           {data.active.map((job) => (
             <a key={job.name} class="button" href={link(["job", summary.name, job.name])}>
               {job.name}
@@ -76,15 +77,15 @@ function Head({ data }: { data: Columns }) {
       )}
       {data.resume && (
         <div class="command">
-          <span id="resume">Continue</span>
+          <span id="resume">{CAMPAIGN.resume}</span>
           <code tabIndex={0} aria-labelledby="resume">
             {data.resume}
           </code>
-          <Copy text={data.resume} label="Copy" />
+          <Copy text={data.resume} />
         </div>
       )}
       <StartedOn campaign={summary.name} counted />
-      <Folded title="About this campaign">
+      <Folded title={CAMPAIGN.details}>
         <dl class="facts">
           {facts.map(([key, value]) => (
             <div key={key}>
@@ -135,7 +136,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
   const overParameters = [
     {
       id: "matrix",
-      label: "Matrix",
+      label: CAMPAIGN.matrix,
       show: () => (
         <div class="beside">
           <div>
@@ -156,70 +157,68 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
     },
     {
       id: "parallel",
-      label: "Parallel coordinates",
+      label: CAMPAIGN.parallel,
       show: () => (
         <Parallel {...{ data, names, brush }} runs={inCell} measure={column} axes={query.get("axes") ?? ""} />
       ),
     },
   ];
-  const search = { id: "search", label: "Search", show: () => <SearchView {...{ data, query }} /> };
+  const search = { id: "search", label: CAMPAIGN.search, show: () => <SearchView {...{ data, query }} /> };
   const views = [
     ...(data.search ? [search] : []),
     ...(names.length > 0 ? overParameters : []),
     {
       id: "mixed",
-      label: "Mixed verdicts",
+      label: CAMPAIGN.mixed,
       show: () => <MixedList {...{ data, names }} runs={rated} sort={query.get("mixed") ?? ""} />,
     },
-    { id: "maps", label: "Maps", show: () => <Maps data={data} runs={rated} /> },
-    { id: "logs", label: "Logs", show: () => <LogSearch {...{ data, query }} runs={inLines} /> },
+    { id: "maps", label: CAMPAIGN.maps, show: () => <Maps data={data} runs={rated} /> },
+    { id: "logs", label: CAMPAIGN.logs, show: () => <LogSearch {...{ data, query }} runs={inLines} /> },
     {
       id: "notebooks",
-      label: "Notebooks",
+      label: CAMPAIGN.notebooks,
       show: () => (
         <>
-          <Notebooks title="For the campaign" target={{ campaign: data.summary.name }} />
+          <Notebooks title={NOTEBOOKS.ofCampaign} target={{ campaign: data.summary.name }} />
           {data.search && <BatchNotebooks campaign={data.summary.name} chosen={query.get("batch")} />}
         </>
       ),
     },
   ];
-  if (about) views.push({ id: "sources", label: "Document", show: () => <Sources about={about} /> });
+  if (about) views.push({ id: "sources", label: CAMPAIGN.sources, show: () => <Sources about={about} /> });
   return (
     <>
       <Tabs tabs={views} chosen={query.get("view") ?? (data.search ? "search" : "matrix")} onChoose={(view) => choose({ view })} />
       {names.length === 0 && causes}
-      <h2>Runs</h2>
+      <h2>{COMMON.runs}</h2>
       <div class="tools">
         <label class="choice">
-          Find
+          {COMMON.filter}
           <input
             type="search"
             value={text}
-            placeholder={names[0] ? `words, ${names[0]}=…, duration>2` : "words, duration>2"}
+            placeholder={CAMPAIGN.example(names[0])}
             onInput={(event) => choose({ q: event.currentTarget.value })}
           />
         </label>
         <VerdictFilter data={data} wanted={wanted} />
         {cause && (
           <button type="button" onClick={() => choose({ cause: "" })}>
-            Only the chosen cause ✕
+            {CAMPAIGN.onlyCause}
           </button>
         )}
         {brushed && (
           <button type="button" onClick={() => choose({ brush: "" })}>
-            Only the chosen lines ✕
+            {CAMPAIGN.onlyLines}
           </button>
         )}
         {cell && (
           <button type="button" onClick={() => choose({ cell: "" })}>
-            Only the chosen cell ✕
+            {COMMON.onlyCell}
           </button>
         )}
         <span class="quiet" role="status">
-          {rows.length === data.runs.number.length
-            ? plural(rows.length, "run")
-            : `${count(rows.length)} of ${plural(data.runs.number.length, "run")}`}
+          {COMMON.someRuns(rows.length, data.runs.number.length)}
         </span>
         <ColumnsPick {...columns} />
         <Export name={`${data.summary.name}-${data.reading ? "some-" : ""}runs`} rows={() => exported(data, rows, names, measure)} />
@@ -227,7 +226,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
       <Misspelt {...{ data, text }} />
       {rows.length > 0 ? (
         <Grid
-          label="Runs"
+          label={COMMON.runs}
           columns={columns.shown}
           rows={rows}
           sort={sort}
@@ -236,7 +235,7 @@ function Body({ data, query }: { data: Columns; query: URLSearchParams }) {
           frozen={2}
         />
       ) : (
-        <p class="hint">{data.runs.number.length ? "No run is like that." : "No run has ended yet."}</p>
+        <p class="hint">{data.runs.number.length ? CAMPAIGN.noMatch : CAMPAIGN.noRuns}</p>
       )}
     </>
   );
@@ -256,17 +255,14 @@ function Misspelt({ data, text }: { data: Columns; text: string }) {
     <p class="hint" aria-live="polite">
       {found.map(({ name, like }) => (
         <span key={name}>
-          There is no parameter or column “{name}”
-          {like ? (
+          {CAMPAIGN.unknown(name)}{" "}
+          {like && (
             <>
-              ; did you mean{" "}
+              {CAMPAIGN.similar}{" "}
               <button type="button" onClick={() => choose({ q: text.replace(name, () => like) })}>
                 {like}
-              </button>
-              ?{" "}
+              </button>{" "}
             </>
-          ) : (
-            ". "
           )}
         </span>
       ))}
@@ -288,7 +284,7 @@ function filtered(data: Columns, text: string, wanted: string, isCause?: (run: R
 function exported(data: Columns, rows: Run[], names: string[], measure: Shown | null): unknown[][] {
   const head = ["variant", "run", "verdict", ...names.map((name) => `p:${name}`), "duration", "started", "reason"];
   const label = (column: string) => column.replace(/^p:/, "");
-  const extra = measure && measure.name !== "duration [s]" ? [measure] : [];
+  const extra = measure && measure.name !== COMMON.durationInSeconds ? [measure] : [];
   return [
     [...head.map(label), ...extra.map(({ name }) => name)],
     ...rows.map((run) => [
@@ -306,7 +302,7 @@ function VerdictFilter({ data, wanted }: { data: Columns; wanted: string }) {
     choose({ verdict: [...chosen].join() });
   };
   return (
-    <span class="chips" role="group" aria-label="Verdicts">
+    <span class="chips" role="group" aria-label={CAMPAIGN.verdicts}>
       {VERDICTS.filter((verdict) => data.summary.counts[verdict] || chosen.has(verdict)).map((verdict) => (
         <button key={verdict} type="button" aria-pressed={chosen.has(verdict)} onClick={() => toggle(verdict)}>
           <Mark verdict={verdict} /> {count(data.summary.counts[verdict])}

@@ -1,10 +1,11 @@
 // All campaigns of the results folder.
 import { useState } from "preact/hooks";
 import { address, VERDICTS, type Campaigns, type Summary } from "./api";
-import { duration, moment, plural } from "./format";
+import { duration, moment } from "./format";
 import { useAnswer, type Versions } from "./live";
-import { Export, passRate, State, VerdictBar, Waiting } from "./parts";
+import { Export, passRate, Prose, State, VerdictBar, Waiting } from "./parts";
 import { choose, joined, link } from "./route";
+import { CAMPAIGNS, COMMON } from "./text";
 
 export function isStale(data: Campaigns, versions: Versions): boolean {
   const names = new Set([...Object.keys(versions), ...Object.keys(data.campaigns)]);
@@ -17,7 +18,7 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
   const { data, error } = useAnswer<Campaigns>(address(["campaigns"]), isStale);
   const [chosen, setChosen] = useState<string[]>([]);
   const filter = query.get("q") ?? "";
-  if (!data) return <Waiting error={error} title="Campaigns" />;
+  if (!data) return <Waiting error={error} title={CAMPAIGNS.title} />;
   const all = Object.entries(data.campaigns);
   const shown = all.filter(([name]) => name.toLowerCase().includes(filter.toLowerCase()));
   const toggle = (name: string) =>
@@ -27,27 +28,26 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
   return (
     <>
       <div class="head">
-        <h1>Campaigns</h1>
+        <h1>{CAMPAIGNS.title}</h1>
         <p class="tools">
           <span class="quiet">
-            {plural(all.length, "campaign")} in <code>{data.results}</code>
+            {CAMPAIGNS.number(all.length)} <code>{data.results}</code>
           </span>
           <a class="button" href={link(["start"])}>
-            Run a campaign
+            {CAMPAIGNS.run}
           </a>
         </p>
       </div>
       {all.length === 0 && (
         <p class="hint">
-          There is no campaign yet. <code>vast exec local run</code> makes one, and it appears here at
-          once.
+          <Prose text={CAMPAIGNS.none} />
         </p>
       )}
       {all.length > 0 && (
         <>
           <div class="tools">
             <label class="choice">
-              Find
+              {COMMON.filter}
               <input
                 type="search"
                 value={filter}
@@ -56,26 +56,26 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
             </label>
             {before && after.length > 0 ? (
               <a class="button" href={link(["compare"], { a: before, b: joined(after) })}>
-                Compare {before} with {after.length > 1 ? `${after.length} later ones` : after[0]}
+                {CAMPAIGNS.compareWith(before, after)}
               </a>
             ) : (
-              <span class="quiet">Choose two or more to compare them.</span>
+              <span class="quiet">{CAMPAIGNS.hint}</span>
             )}
             <Export name="campaigns" rows={() => exported(shown)} />
           </div>
-          <div class="scroll" tabIndex={0} role="region" aria-label="List of campaigns">
+          <div class="scroll" tabIndex={0} role="region" aria-label={CAMPAIGNS.list}>
             <table class="list">
               <thead>
                 <tr>
                   <th>
-                    <span class="hidden">Compare</span>
+                    <span class="hidden">{CAMPAIGNS.compare}</span>
                   </th>
-                  <th>Campaign</th>
-                  <th>State</th>
-                  <th class="wide">Runs</th>
-                  <th class="number">Passed</th>
-                  <th>Started</th>
-                  <th class="number">Duration</th>
+                  <th>{COMMON.campaign}</th>
+                  <th>{CAMPAIGNS.state}</th>
+                  <th class="wide">{COMMON.runs}</th>
+                  <th class="number">{CAMPAIGNS.passed}</th>
+                  <th>{COMMON.started}</th>
+                  <th class="number">{COMMON.duration}</th>
                 </tr>
               </thead>
               <tbody>
@@ -92,7 +92,7 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
               </tbody>
             </table>
           </div>
-          {shown.length === 0 && <p class="hint">No campaign has “{filter}” in its name.</p>}
+          {shown.length === 0 && <p class="hint">{CAMPAIGNS.noMatch(filter)}</p>}
         </>
       )}
     </>
@@ -123,7 +123,7 @@ function Row({ name, summary, fault, chosen, onToggle }: RowProps) {
   return (
     <tr>
       <td>
-        <input type="checkbox" checked={chosen} onChange={onToggle} aria-label={`Compare ${name}`} />
+        <input type="checkbox" checked={chosen} onChange={onToggle} aria-label={CAMPAIGNS.compareOne(name)} />
       </td>
       <td>
         <a href={link(["campaign", name])}>{name}</a>
@@ -142,7 +142,7 @@ function Row({ name, summary, fault, chosen, onToggle }: RowProps) {
         </>
       ) : (
         <td colSpan={5} class="quiet">
-          {fault ?? "Reading …"}
+          {fault ?? COMMON.loading}
         </td>
       )}
     </tr>

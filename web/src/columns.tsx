@@ -7,6 +7,7 @@ import type { Column } from "./grid";
 import { Mark, type Option } from "./parts";
 import { Pick } from "./pick";
 import { choose, joined, link, split } from "./route";
+import { COLUMNS, COMMON, GROUPS } from "./text";
 
 /** Parameters that have a column without being chosen. */
 const USUAL = 8;
@@ -54,7 +55,7 @@ export function ColumnsPick({ all, shown, choices, save }: Chosen) {
   };
   return (
     <Pick
-      label="Columns"
+      label={COLUMNS.label}
       text={String(shown.length)}
       several
       options={options}
@@ -91,25 +92,25 @@ export function runLink(data: Columns, run: Run): string {
 }
 
 function columnsOf(data: Columns, names: string[], measure: Shown | null): Choosable[] {
-  const varied = names.map((name, place) => parameter(data, name, "Varied", place < USUAL));
+  const varied = names.map((name, place) => parameter(data, name, GROUPS.varied, place < USUAL));
   const rest = others(data).filter((name) => varies(data, name) && !names.includes(name));
   return [
-    { id: "verdict", label: "Verdict", usual: true, cell: (run) => <Mark verdict={verdictOf(data, run)} /> },
-    { id: "variant", label: "Run", usual: true, cell: (run) => <RunLink {...{ data, run }} /> },
+    { id: "verdict", label: COMMON.verdict, usual: true, cell: (run) => <Mark verdict={verdictOf(data, run)} /> },
+    { id: "variant", label: COLUMNS.run, usual: true, cell: (run) => <RunLink {...{ data, run }} /> },
     ...(data.decided.length
-      ? [column("decided", "Configuration", (run) => data.decided[data.runs.variant[run]!])]
+      ? [column("decided", COMMON.configuration, (run) => data.decided[data.runs.variant[run]!])]
       : []),
-    column("reason", "Reason", (run) => <Reason text={data.reasons[data.runs.reason[run]!]!} />),
+    column("reason", COMMON.reason, (run) => <Reason text={data.reasons[data.runs.reason[run]!]!} />),
     ...varied,
-    ...rest.map((name) => parameter(data, name, "Follows from it", false)),
-    { ...column("duration", "Duration", (run) => duration(data.runs.duration[run])), kind: "number" },
+    ...rest.map((name) => parameter(data, name, GROUPS.derived, false)),
+    { ...column("duration", COMMON.duration, (run) => duration(data.runs.duration[run])), kind: "number" },
     ...(measure ? [measured(measure)] : []),
-    column("started", "Started", (run) => moment(data.runs.started[run])),
+    column("started", COMMON.started, (run) => moment(data.runs.started[run])),
   ];
 }
 
 function column(id: string, label: string, cell: Column["cell"]): Choosable {
-  return { id, label, cell, group: "Of the run", usual: true };
+  return { id, label, cell, group: GROUPS.run, usual: true };
 }
 
 function parameter(data: Columns, name: string, group: string, usual: boolean): Choosable {

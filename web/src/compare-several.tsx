@@ -7,6 +7,7 @@ import { Grid, type Column } from "./grid";
 import { useAnswer } from "./live";
 import { Export, Waiting } from "./parts";
 import { choose, link } from "./route";
+import { COMMON, COMPARE, SEVERAL } from "./text";
 
 type Variant = Comparison["variants"][number];
 
@@ -37,17 +38,17 @@ export function Several({ before, later, query }: SeveralProps) {
   if (!data) return <Waiting error={error} />;
   return (
     <>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Campaigns">
+      <div class="scroll" tabIndex={0} role="region" aria-label={COMMON.campaigns}>
         <table class="plain">
           <thead>
             <tr>
-              <th scope="col">Campaign</th>
-              <th scope="col" class="number">Not passed</th>
-              <th scope="col" class="number">Points (95 % interval)</th>
-              <th scope="col" class="number">p</th>
-              <th scope="col" class="number">Worse</th>
-              <th scope="col" class="number">Better</th>
-              <th scope="col" class="number">Unclear</th>
+              <th scope="col">{COMMON.campaign}</th>
+              <th scope="col" class="number">{COMMON.unsuccessful}</th>
+              <th scope="col" class="number">{SEVERAL.points}</th>
+              <th scope="col" class="number">{COMMON.pValue}</th>
+              <th scope="col" class="number">{SEVERAL.worse}</th>
+              <th scope="col" class="number">{SEVERAL.better}</th>
+              <th scope="col" class="number">{SEVERAL.unclear}</th>
             </tr>
           </thead>
           <tbody>
@@ -58,18 +59,16 @@ export function Several({ before, later, query }: SeveralProps) {
         </table>
       </div>
       <p class="quiet note">
-        Configurations that both have, worse or better beyond chance. Each campaign is compared with {before} by itself: of
-        campaigns that are no worse, chance alone calls at least one of {data.length} worse in up to{" "}
-        {percent(1 - (1 - LEVEL) ** data.length)} of all cases.
+        {SEVERAL.note(before, data.length, 1 - (1 - LEVEL) ** data.length)}
       </p>
-      <h2>Configurations</h2>
+      <h2>{COMMON.configurations}</h2>
       <div class="tools">
-        <span class="quiet">▲ worse, ▼ better, ? unclear; runs that did not pass</span>
+        <span class="quiet">{SEVERAL.legend}</span>
         <Export name={`beside-${before}`} rows={() => exported(before, later, rows.map((row) => all[row]!))} />
       </div>
       {rows.length > 0 ? (
         <Grid
-          label="Configurations"
+          label={COMMON.configurations}
           columns={columnsOf(before, later, all)}
           rows={rows}
           sort={sort}
@@ -78,7 +77,7 @@ export function Several({ before, later, query }: SeveralProps) {
           frozen={1}
         />
       ) : (
-        <p class="hint">No configuration of {before} is in any of them.</p>
+        <p class="hint">{SEVERAL.none(before)}</p>
       )}
     </>
   );
@@ -87,7 +86,7 @@ export function Several({ before, later, query }: SeveralProps) {
 function Summary({ before, compared: { name, comparison } }: { before: string; compared: Compared }) {
   const { overall, variants } = comparison;
   const count = (change: Variant["change"]) => variants.filter((variant) => variant.change === change).length;
-  const points = (share: number) => `${share > 0 ? "+" : ""}${(100 * share).toFixed(1)}`;
+  
   const isCompared = overall.a.runs > 0 && overall.b.runs > 0;
   return (
     <tr>
@@ -95,10 +94,10 @@ function Summary({ before, compared: { name, comparison } }: { before: string; c
         <a href={link(["compare"], { a: before, b: encodeURIComponent(name) })}>{name}</a>
       </th>
       <td class="number">
-        {rate(overall.b)} <small>{isCompared && `instead of ${rate(overall.a)}`}</small>
+        {rate(overall.b)} <small>{isCompared && SEVERAL.insteadOf(rate(overall.a))}</small>
       </td>
       <td class="number">
-        {isCompared ? `${points(share(overall.b) - share(overall.a))} (${points(overall.low)} to ${points(overall.high)})` : "–"}
+        {isCompared ? SEVERAL.range(share(overall.b) - share(overall.a), overall.low, overall.high) : "–"}
       </td>
       <td class="number">{isCompared ? show(Number(overall.p.toPrecision(2))) : "–"}</td>
       <td class="number">{count("worse")}</td>
@@ -145,7 +144,7 @@ function columnsOf(before: string, later: string[], rows: Row[]): Column[] {
   return [
     {
       id: "variant",
-      label: "Configuration",
+      label: COMMON.configuration,
       cell: (row) => <a href={configuration(before, rows[row]!.name)}>{rows[row]!.name}</a>,
     },
     { id: "before", label: before, kind: "number", cell: (row) => <Rate of={rows[row]!.before} /> },
@@ -166,7 +165,7 @@ function After({ name, variant: { name_b, change, difference } }: { name: string
     <a href={configuration(name, name_b)}>
       <Rate of={difference.b} />{" "}
       {SIGNS[change] && (
-        <span class={`change ${change}`} role="img" aria-label={change}>
+        <span class={`change ${change}`} role="img" aria-label={COMPARE.words[change]}>
           {SIGNS[change]}
         </span>
       )}
@@ -195,9 +194,9 @@ function rate(sample: Sample): string {
 }
 
 function exported(before: string, later: string[], rows: Row[]): unknown[][] {
-  const heads = later.flatMap((name) => [`bad ${name}`, `runs ${name}`, `change ${name}`]);
+  const heads = later.flatMap((name) => [...SEVERAL.head(name), SEVERAL.headOfChange(name)]);
   return [
-    ["configuration", `bad ${before}`, `runs ${before}`, ...heads],
+    ["configuration", ...SEVERAL.head(before), ...heads],
     ...rows.map(({ name, before, after }) => [
       name,
       before.bad,

@@ -3,7 +3,7 @@ import { useMemo } from "preact/hooks";
 import { address, type Campaigns, type Columns, type Comparison, type Difference } from "./api";
 import { Changes } from "./about";
 import { show, variantOf, type Run } from "./data";
-import { duration, percent, plural } from "./format";
+import { duration, percent } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer } from "./live";
 import { isInCell, useAxes, type Axes } from "./factors";
@@ -12,8 +12,9 @@ import { Several } from "./compare-several";
 import { Export, Select, Waiting, type Option } from "./parts";
 import { Pick } from "./pick";
 import { choose, joined, link, split } from "./route";
+import { COMMON, COMPARE } from "./text";
 
-const CHANGES = { worse: "▲ worse", better: "▼ better", unclear: "? unclear", same: "= same" };
+
 
 /** `after` holds the names of one or several campaigns. */
 export function ComparePage({ before, after, query }: { before: string; after: string; query: URLSearchParams }) {
@@ -26,11 +27,11 @@ export function ComparePage({ before, after, query }: { before: string; after: s
   return (
     <>
       <div class="head">
-        <h1>Comparison</h1>
+        <h1>{COMPARE.title}</h1>
         <div class="tools">
-          <Select label="Before" value={before} options={options} onChoose={(name) => choose({ a: name })} />
+          <Select label={COMPARE.before} value={before} options={options} onChoose={(name) => choose({ a: name })} />
           <Pick
-            label="After"
+            label={COMPARE.after}
             text={later.length === 1 ? later[0]! : String(later.length)}
             several
             options={options.filter(([name]) => name !== before || later.includes(name))}
@@ -39,7 +40,7 @@ export function ComparePage({ before, after, query }: { before: string; after: s
           />
         </div>
       </div>
-      {later.length === 0 && <p class="hint">Choose with which campaigns {before} is compared.</p>}
+      {later.length === 0 && <p class="hint">{COMPARE.choose(before)}</p>}
       {later.length === 1 && <Pair a={before} b={later[0]!} query={query} />}
       {later.length > 1 && <Several {...{ before, later, query }} />}
     </>
@@ -79,27 +80,26 @@ function Result({ data, later, a, b, query }: ResultProps) {
       <p class="statement">{data.statement}</p>
       <Interval found={data.overall} />
       <p>
-        Of {plural(data.variants.length, "configuration")} in both, {worse} got worse and {better} got
-        better beyond chance (McNemar’s exact test for runs of equal seeds, else Fisher’s, for each; Holm’s correction for their
-        number, 5 % level).
+        {COMPARE.counts(data.variants.length, worse, better)}
+        {COMPARE.test}
         {powerOf(data)}
-        {data.only_a.length > 0 && ` ${plural(data.only_a.length, "configuration")} only before.`}
-        {data.only_b.length > 0 && ` ${plural(data.only_b.length, "configuration")} only after.`}
+        {data.only_a.length > 0 && COMPARE.onlyBefore(data.only_a.length)}
+        {data.only_b.length > 0 && COMPARE.onlyAfter(data.only_b.length)}
       </p>
       <Changes a={a} b={b} />
       {axes.names.length > 0 && <Differences {...{ data, later, axes, cell }} />}
-      <h2>Configurations</h2>
+      <h2>{COMMON.configurations}</h2>
       <div class="tools">
         {cell && (
           <button type="button" onClick={() => choose({ cell: "" })}>
-            Only the chosen cell ✕
+            {COMMON.onlyCell}
           </button>
         )}
         <Export name={`${a}-${b}`} rows={() => exported(data, rows)} />
       </div>
       {rows.length > 0 && (
         <Grid
-          label="Configurations in both campaigns"
+          label={COMPARE.grid}
           columns={columns}
           rows={rows}
           sort={sort || "p"}
@@ -114,18 +114,8 @@ function Result({ data, later, a, b, query }: ResultProps) {
 /** Which changes so many runs could have shown at all. */
 function powerOf({ variants, visible, least_p, needed_runs, detectable }: Comparison): string {
   if (variants.length === 0) return "";
-  const all = variants.length;
-  const least = show(Number(least_p.toPrecision(3)));
-  const few =
-    visible === all
-      ? ""
-      : ` With so few runs ${visible ? `${all - visible} of the configurations` : "no configuration"} could` +
-        ` have shown ${visible ? "no" : "a"} change, not even from never failing to always` +
-        ` (p cannot fall below ${least}${all > 1 ? `, times ${all}` : ""})` +
-        (needed_runs === null ? "." : `; ${needed_runs} runs of each, before and after, would.`);
-  const rise =
-    detectable === null ? "" : ` Over all configurations a rise by ${(100 * detectable).toFixed(1)} points would show.`;
-  return few + rise;
+  const few = COMPARE.power(variants.length, visible, show(Number(least_p.toPrecision(3))), needed_runs);
+  return few + (detectable === null ? "" : COMPARE.detectable(detectable));
 }
 
 interface DifferencesProps {
@@ -142,15 +132,15 @@ function Differences({ data, later, axes, cell }: DifferencesProps) {
       data.variants.map(({ name_b, difference: { a, b } }) => [name_b, 100 * (rate(b) - rate(a))]),
     );
     const of = (run: Run) => points.get(variantOf(later, run)) ?? null;
-    return { name: "change of the failure rate [points]", of };
+    return { name: COMPARE.measure, of };
   }, [data, later]);
   const runs = useMemo(() => later.runs.number.map((_, run) => run), [later]);
   return (
     <>
-      <h2>Where it changed</h2>
+      <h2>{COMPARE.byParameter}</h2>
       <Matrix
         {...{ data: later, runs, axes, measure }}
-        chooser={<span class="quiet">Change of the failure rate in points</span>}
+        chooser={<span class="quiet">{COMPARE.legend}</span>}
         signed
         chosen={cell}
       />
@@ -167,16 +157,16 @@ function Interval({ found }: { found: Difference }) {
   const most = Math.max(0.05, Math.abs(found.low), Math.abs(found.high)) * 1.1;
   const x = (value: number) => 200 + (200 * value) / most;
   const change = rate(found.b) - rate(found.a);
-  const label = `Difference ${(100 * change).toFixed(1)} points, from ${(100 * found.low).toFixed(1)} to ${(100 * found.high).toFixed(1)}`;
+  const label = COMPARE.interval(change, found.low, found.high);
   return (
     <svg class="interval" viewBox="-20 0 440 58" role="img" aria-label={label}>
       <line x1={0} x2={400} y1={24} y2={24} class="axis" />
       <line x1={200} x2={200} y1={8} y2={40} class="axis" />
       <line x1={x(found.low)} x2={x(found.high)} y1={24} y2={24} class="range" />
       <circle cx={x(change)} cy={24} r={6} class="point" />
-      <text x={0} y={54}>better</text>
-      <text x={200} y={54} text-anchor="middle">no difference</text>
-      <text x={400} y={54} text-anchor="end">worse</text>
+      <text x={0} y={54}>{COMPARE.words.better}</text>
+      <text x={200} y={54} text-anchor="middle">{COMPARE.noDifference}</text>
+      <text x={400} y={54} text-anchor="end">{COMPARE.words.worse}</text>
     </svg>
   );
 }
@@ -230,31 +220,31 @@ function columnsOf(data: Comparison, a: string, b: string): Column[] {
     return (difference > 0 ? "+" : "") + difference.toFixed(1);
   };
   return [
-    { id: "change", label: "Change", cell: (row) => <span class={`change ${of(row).change}`}>{CHANGES[of(row).change]}</span> },
+    { id: "change", label: COMPARE.change, cell: (row) => <span class={`change ${of(row).change}`}>{COMPARE.changes[of(row).change]}</span> },
     {
       id: "variant",
-      label: "Configuration",
+      label: COMMON.configuration,
       cell: (row) => <a href={variantLink(b, of(row).name_b)}>{of(row).name_b}</a>,
     },
     {
       id: "a",
-      label: "Not passed before",
+      label: COMPARE.unsuccessfulBefore,
       kind: "number",
       cell: (row) => <a href={variantLink(a, of(row).name_a)}>{shares(of(row).difference.a)}</a>,
     },
-    { id: "b", label: "After", kind: "number", cell: (row) => shares(of(row).difference.b) },
-    { id: "difference", label: "Points", kind: "number", cell: points },
-    { id: "p", label: "p", kind: "number", cell: (row) => show(Number(of(row).difference.p.toPrecision(3))) },
+    { id: "b", label: COMPARE.unsuccessfulAfter, kind: "number", cell: (row) => shares(of(row).difference.b) },
+    { id: "difference", label: COMPARE.points, kind: "number", cell: points },
+    { id: "p", label: COMMON.pValue, kind: "number", cell: (row) => show(Number(of(row).difference.p.toPrecision(3))) },
     {
       id: "adjusted",
-      label: "p, corrected",
+      label: COMPARE.corrected,
       kind: "number",
       cell: (row) => show(Number(of(row).adjusted_p.toPrecision(3))),
     },
-    { id: "more", label: "More runs", kind: "number", cell: (row) => moreRuns(of(row)) },
+    { id: "more", label: COMPARE.moreRuns, kind: "number", cell: (row) => moreRuns(of(row)) },
     {
       id: "duration",
-      label: "Median duration",
+      label: COMPARE.medianDuration,
       kind: "number",
       cell: (row) => `${duration(of(row).difference.a.duration)} → ${duration(of(row).difference.b.duration)}`,
     },
@@ -263,15 +253,15 @@ function columnsOf(data: Comparison, a: string, b: string): Column[] {
 
 /** How many further runs of each campaign decide what is unclear. */
 function moreRuns({ change, more_runs }: Comparison["variants"][number]): string {
-  return change === "unclear" ? (more_runs === null ? "> 100 000" : String(more_runs)) : "";
+  return change === "unclear" ? (more_runs === null ? COMPARE.tooMany : String(more_runs)) : "";
 }
 
 function exported(data: Comparison, rows: number[]): unknown[][] {
-  const head = ["before", "after", "change", "runs before", "bad before", "runs after", "bad after", "p", "p corrected", "median duration before", "median duration after"];
+  
   const line = (row: number) => {
     const { name_a, name_b, change, adjusted_p, difference } = data.variants[row]!;
     const { a, b, p } = difference;
     return [name_a, name_b, change, a.runs, a.bad, b.runs, b.bad, p, adjusted_p, a.duration, b.duration];
   };
-  return [head, ...rows.map(line)];
+  return [COMPARE.head, ...rows.map(line)];
 }

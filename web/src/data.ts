@@ -1,5 +1,6 @@
 // Runs of a campaign: filtered, sorted, put into cells. Pure functions over the server's columns.
 import type { Columns, Verdict } from "./api";
+import { COMMON } from "./text";
 
 /** A run is its place in the columns. */
 export type Run = number;
@@ -95,7 +96,7 @@ export function brief(value: unknown): string {
   if (value === null || typeof value !== "object") return show(value);
   if (Array.isArray(value)) {
     const simple = value.length <= 4 && value.every((item) => typeof item !== "object");
-    return simple ? value.map(show).join(", ") : `${value.length} ${value.length === 1 ? "item" : "items"}`;
+    return simple ? value.map(show).join(", ") : COMMON.items(value.length);
   }
   const { position = value } = value as { position?: unknown };
   const { x, y } = (position ?? {}) as { x?: unknown; y?: unknown };

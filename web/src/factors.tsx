@@ -1,11 +1,12 @@
 // What was varied, and which of it makes runs fail.
 import { useMemo, useRef } from "preact/hooks";
 import { address, type Columns, type Effect, type Explained } from "./api";
-import { axis, factors, order, others, titled, unitOf, varies, type Axis } from "./data";
-import { percent } from "./format";
+import { axis, factors, order, others, show, titled, unitOf, varies, type Axis } from "./data";
+
 import { useAnswer } from "./live";
 import type { Option } from "./parts";
 import { choose } from "./route";
+import { FACTORS, GROUPS } from "./text";
 
 /** What chance alone shows as clearly less often than this explains failures. */
 const LEVEL = 0.05;
@@ -77,14 +78,14 @@ function axisName(asked: string | null, usual: string | undefined): string {
 function optionsOf(data: Columns, names: string[], chosen: string[]): Option[] {
   const rest = [...others(data), ...chosen.filter((name) => name && data.factors.includes(name))];
   const more = [...new Set(rest)].filter((name) => !names.includes(name));
-  return [["", "(all together)"], ...namesAsOptions(data, names, more)];
+  return [["", FACTORS.none], ...namesAsOptions(data, names, more)];
 }
 
 /** What was varied, then other parameters, those with one value last. */
 export function namesAsOptions(data: Columns, names: string[], rest: string[]): Option[] {
-  const others = rest.map((name): Option => [name, name, varies(data, name) ? "Follows from it" : "The same everywhere"]);
+  const others = rest.map((name): Option => [name, name, varies(data, name) ? GROUPS.derived : GROUPS.constant]);
   return [
-    ...names.map((name): Option => [name, titled(data, name), "Varied"]),
+    ...names.map((name): Option => [name, titled(data, name), GROUPS.varied]),
     ...others.sort((a, b) => order(a[2], b[2])),
   ];
 }
@@ -105,14 +106,8 @@ export function AxesNote({ axes }: { axes: Axes }) {
 }
 
 function noteOf({ axes, effects }: Explained): string {
-  const both = axes.join(" and ");
   const isClear = (name: string) => effects.some(({ factor, p }) => factor === name && p < LEVEL);
-  if (effects.length === 0) return `Nothing tells failures apart yet: ${both} ${axes.length > 1 ? "come" : "comes"} first.`;
-  const clear = axes.filter(isClear);
-  const verb = axes.length > 1 ? "separate" : "separates";
-  if (clear.length === axes.length) return `${both} ${verb} failures best.`;
-  if (clear.length === 0) return `${both} ${verb} failures best, though chance can explain that.`;
-  return `${both} ${verb} failures best; of ${axes.find((name) => !isClear(name))} chance can explain it.`;
+  return FACTORS.axes(axes, effects.length > 0, axes.filter((name) => !isClear(name)));
 }
 
 /** How much more often runs fail with the worst values of each factor. */
@@ -121,7 +116,7 @@ export function Effects({ data, axes }: { data: Columns; axes: Axes }) {
   if (found.length === 0) return null;
   return (
     <section class="effects" aria-labelledby="effects">
-      <h2 id="effects">What makes runs fail</h2>
+      <h2 id="effects">{FACTORS.title}</h2>
       <ul>
         {found.slice(0, MOST).map((effect) => (
           <Item key={effect.factor} {...{ data, effect }} chosen={effect.factor === axes.x} />
@@ -135,12 +130,12 @@ function Item({ data, effect, chosen }: { data: Columns; effect: Effect; chosen:
   const { factor, worse, better, low, high, p, same } = effect;
   const clear = p < LEVEL;
   const unit = unitOf(data, factor);
-  const points = (share: number) => `${share > 0 ? "+" : ""}${Math.round(100 * share)}`;
+  const points = (share: number) => Math.round(100 * share);
   const places = (from: number, to: number) => ({
     left: `${Math.max(0, 100 * from).toFixed(1)}%`,
     width: `${(100 * Math.max(0, Math.min(1, to) - Math.max(0, from))).toFixed(1)}%`,
   });
-  const sure = `${points(low)} to ${points(high)} points; by chance as clear in ${percent(p)} of all cases`;
+  const sure = FACTORS.interval(points(low), points(high), show(Number(p.toPrecision(2))));
   return (
     <li>
       <button
@@ -154,14 +149,14 @@ function Item({ data, effect, chosen }: { data: Columns; effect: Effect; chosen:
           {[factor, ...same].join(" = ")} {worse.condition}
           {unit && ` ${unit}`}
         </span>
-        <span class="amount">{points(rate(worse) - rate(better))} points</span>
+        <span class="amount">{FACTORS.points(points(rate(worse) - rate(better)))}</span>
         <span class="gauge" aria-hidden="true">
           <span class="share" style={places(0, rate(worse) - rate(better))} />
           <span class="range" style={places(low, high)} />
         </span>
         <small>
-          {percent(rate(worse))} instead of {percent(rate(better))}
-          {clear ? `, ${points(low)} to ${points(high)} points` : "; chance explains that"}
+          {FACTORS.rates(rate(worse), rate(better))}
+          {clear ? FACTORS.sure(points(low), points(high)) : FACTORS.unclear}
         </small>
       </button>
     </li>

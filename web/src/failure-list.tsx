@@ -3,9 +3,10 @@ import { useMemo, useState } from "preact/hooks";
 import type { Columns } from "./api";
 import type { Run } from "./data";
 import { failures, type Failure } from "./failures";
-import { count, plural } from "./format";
+import { count } from "./format";
 import { Glyph } from "./parts";
 import { choose } from "./route";
+import { CAUSES, COUNTS } from "./text";
 
 /** Causes that are shown at first. */
 const FIRST = 8;
@@ -26,7 +27,7 @@ export function FailureList({ data, runs, names, chosen }: FailureListProps) {
   const most = found[0]!.runs.length;
   return (
     <section class="failures" aria-labelledby="failures">
-      <h2 id="failures">Why runs did not pass</h2>
+      <h2 id="failures">{CAUSES.title}</h2>
       <ul>
         {shown.map((failure) => (
           <Item key={failure.cause} {...{ failure, most }} chosen={failure.cause === chosen} />
@@ -45,8 +46,8 @@ export function FailureList({ data, runs, names, chosen }: FailureListProps) {
 function restOf(rest: Failure[]): string {
   const verdicts = new Map<string, number>();
   for (const { verdict, runs } of rest) verdicts.set(verdict, (verdicts.get(verdict) ?? 0) + runs.length);
-  const runs = [...verdicts].map(([verdict, number]) => `${count(number)} ${verdict}`);
-  return `Show ${plural(rest.length, "more cause")}: ${runs.join(", ")}`;
+  const runs = [...verdicts].map(([verdict, number]) => COUNTS.of(number, verdict));
+  return CAUSES.more(rest.length, runs);
 }
 
 function Item({ failure, most, chosen }: { failure: Failure; most: number; chosen: boolean }) {
@@ -67,7 +68,7 @@ function Item({ failure, most, chosen }: { failure: Failure; most: number; chose
         <span class="amount">
           <span class="hidden">, </span>
           {count(runs.length)}
-          <span class="hidden"> {runs.length === 1 ? "run" : "runs"}</span>
+          <span class="hidden"> {CAUSES.run(runs.length)}</span>
         </span>
         <span class={`share ${verdict}`} aria-hidden="true" style={{ width: `${(100 * runs.length) / most}%` }} />
         {numbers && <small>{numbers}</small>}

@@ -2,6 +2,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { contour } from "./contours";
 import { beside, nearest, type MapAnswer, type SetsAnswer } from "./search-data";
+import { SEARCH } from "./text";
 
 const HEIGHT = 420;
 const MARGIN = { left: 76, right: 18, top: 12, bottom: 46 };
@@ -73,7 +74,7 @@ export function Field(props: FieldProps) {
   };
   return (
     <>
-      <div class={`field ${isLate ? "late" : ""}`} tabIndex={0} role="application" aria-busy={isLate} aria-label={`${label}; arrow keys go from set to set, Enter opens one`} onKeyDown={move}>
+      <div class={`field ${isLate ? "late" : ""}`} tabIndex={0} role="application" aria-busy={isLate} aria-label={`${label}. ${SEARCH.keys}`} onKeyDown={move}>
         <canvas
           ref={canvas}
           aria-hidden="true"
@@ -83,7 +84,7 @@ export function Field(props: FieldProps) {
         />
       </div>
       <p class="quiet note" role="status">
-        {chosen === null ? `${sets.config.length ? "A dot is a parameter set; it leads to its runs." : "No set has a score yet."}` : describe(chosen)}
+        {chosen !== null ? describe(chosen) : sets.config.length ? SEARCH.dots : SEARCH.noScores}
       </p>
     </>
   );

@@ -2,13 +2,14 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { address } from "./api";
 import { order } from "./data";
-import { moment, percent, plural } from "./format";
+import { moment, percent } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer } from "./live";
 import { Export, Waiting } from "./parts";
 import { intervalText, type Interval } from "./rates";
 import { link } from "./route";
 import "./history.css";
+import { COMMON, HISTORY } from "./text";
 
 interface Entry {
   campaign: string;
@@ -41,19 +42,18 @@ export function HistoryOf({ campaign, variant }: { campaign: string; variant: st
   return (
     <>
       <p>
-        {variant} in {plural(entries.length, "campaign")}, the oldest first. A campaign has it if it has a
-        configuration of the same parameters.
-        {others.length > 0 && ` In ${plural(others.length, "other campaign")} ${variant} has other parameters.`}
+        {HISTORY.about(variant, entries.length)}
+        {others.length > 0 && HISTORY.others(variant, others.length)}
       </p>
       <p role="status" class="quiet">
-        {pending > 0 && `${plural(pending, "campaign")} still to be searched …`}
+        {pending > 0 && HISTORY.pending(pending)}
       </p>
-      <ol class="history" aria-label={`${variant} over campaigns`}>
+      <ol class="history" aria-label={HISTORY.dots(variant)}>
         {entries.map((entry) => (
           <Dot key={entry.campaign} entry={entry} current={entry.campaign === campaign} />
         ))}
       </ol>
-      <p class="quiet">A dot is filled as far as runs did not pass: it is empty where all passed, and full where none did.</p>
+      <p class="quiet">{HISTORY.legend}</p>
       <Table entries={entries} name={variant} />
     </>
   );
@@ -73,7 +73,7 @@ function useHistory(campaign: string, variant: string) {
 
 function Dot({ entry, current }: { entry: Entry; current: boolean }) {
   const { campaign, name, changes, changed, rate } = entry;
-  const label = [campaign, outcome(entry), changed && `changed: ${changed}`].filter(Boolean).join("; ");
+  const label = [campaign, outcome(entry), changed && HISTORY.changed(changed)].filter(Boolean).join("; ");
   return (
     <li class={changes.length > 0 ? "changed" : undefined} title={label}>
       {changes.length > 0 && <small>{changed}</small>}
@@ -94,7 +94,7 @@ function configuration(campaign: string, name: string): string {
 }
 
 function outcome({ rate }: Entry): string {
-  return `${rate.failed + rate.errored} of ${rate.runs} did not pass`;
+  return HISTORY.outcome(rate.failed + rate.errored, rate.runs);
 }
 
 function valueOf(entry: Entry, column: string): unknown {
@@ -125,13 +125,13 @@ function Table({ entries, name }: { entries: Entry[]; name: string }) {
   const of = (row: number) => entries[row]!;
   const rows = sorted(entries, sort);
   const columns: Column[] = [
-    { id: "started", label: "Started", cell: (row) => moment(of(row).started_at) },
-    { id: "outcome", label: "Outcome", cell: (row) => outcome(of(row)) },
-    { id: "interval", label: "95 % interval", cell: (row) => intervalText(of(row).rate.interval) },
-    { id: "changed", label: "Changed", cell: (row) => <span title={of(row).changes.join(", ")}>{of(row).changed}</span> },
-    { id: "reason", label: "Reason", cell: (row) => <span title={of(row).reason}>{of(row).reason}</span> },
-    { id: "image", label: "Image", cell: (row) => of(row).image },
-    { id: "campaign", label: "Campaign", cell: (row) => `${of(row).campaign}/${of(row).name}` },
+    { id: "started", label: COMMON.started, cell: (row) => moment(of(row).started_at) },
+    { id: "outcome", label: COMMON.unsuccessful, cell: (row) => outcome(of(row)) },
+    { id: "interval", label: COMMON.interval, cell: (row) => intervalText(of(row).rate.interval) },
+    { id: "changed", label: HISTORY.changes, cell: (row) => <span title={of(row).changes.join(", ")}>{of(row).changed}</span> },
+    { id: "reason", label: COMMON.reason, cell: (row) => <span title={of(row).reason}>{of(row).reason}</span> },
+    { id: "image", label: COMMON.image, cell: (row) => of(row).image },
+    { id: "campaign", label: COMMON.campaign, cell: (row) => `${of(row).campaign}/${of(row).name}` },
   ];
   const exported = () => [
     ["campaign", "configuration", "started", "runs", "failed", "errored", "changed", "reason", "image"],
@@ -153,7 +153,7 @@ function Table({ entries, name }: { entries: Entry[]; name: string }) {
         <Export name={`${name}-history`} rows={exported} />
       </div>
       <Grid
-        label={`${name} in each campaign`}
+        label={HISTORY.grid(name)}
         columns={columns}
         rows={rows}
         sort={sort}

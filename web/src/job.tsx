@@ -5,6 +5,7 @@ import { useAnswer } from "./live";
 import { Log } from "./log";
 import { State, Waiting } from "./parts";
 import { link } from "./route";
+import { JOB } from "./text";
 
 interface JobProps {
   campaign: string;
@@ -25,7 +26,7 @@ export function JobPage({ campaign, job, query }: JobProps) {
         </h1>
         {!active && (
           <p class="hint">
-            The job has ended; its runs are in <a href={link(["campaign", campaign])}>the campaign</a>.
+            {JOB.finished} <a href={link(["campaign", campaign])}>{JOB.campaign}</a>
           </p>
         )}
       </div>

@@ -7,25 +7,12 @@ import { dismissLaunch, isRunning, tellLaunch, useAnswer, useLaunch, type Launch
 import { useEnd } from "./log";
 import { Export, State, VerdictBar } from "./parts";
 import { link } from "./route";
-
-const OUTCOMES: Record<number, string> = {
-  0: "Every run passed.",
-  1: "A run failed.",
-  2: "It cannot be run as it was asked for.",
-  3: "It cannot be run on this machine.",
-  4: "A run ended without a verdict.",
-  5: "Its results cannot be stored.",
-  130: "It was stopped.",
-};
+import { COMMON, LAUNCH } from "./text";
 
 /** Number of what was started in this tab and is to be brought into sight. */
 let sought = 0;
 
-/** Of a launch that reproduces a run. */
-const REPLAY_OUTCOMES: Record<number, string> = {
-  0: "The run ended as before.",
-  1: "The run ended with another result.",
-};
+
 
 /** What starts something, whether that must wait, and why it was refused. */
 export function useStarter(): { start: (url: string) => void; busy: boolean; refusal: string } {
@@ -81,34 +68,33 @@ export function Progress({ launched, here, counted }: ProgressProps) {
     place.current?.scrollIntoView({ block: "center" });
   }, [launch.number]);
   return (
-    <section class="launch" aria-label="The campaign that was started here" ref={place}>
+    <section class="launch" aria-label={LAUNCH.label} ref={place}>
       <h2>
-        {run && `${run} again${name && ": "}`}
-        {!name && !run && "The campaign"}
-        {name && (name === here ? "Further runs" : <a href={link(["campaign", name])}>{name}</a>)}{" "}
+        {run && `${LAUNCH.again(run)}${name && ": "}`}
+        {!name && !run && LAUNCH.title}
+        {name && (name === here ? LAUNCH.further : <a href={link(["campaign", name])}>{name}</a>)}{" "}
         {running && <State state="running" />}
       </h2>
       {summary && !(counted && name === here) && <VerdictBar summary={summary} />}
       <p class="tools">
         {running && (
           <button type="button" onClick={() => void post(address(["stop"]))}>
-            {launch.stopping ? "Stop at once" : "Stop"}
+            {launch.stopping ? LAUNCH.stopNow : LAUNCH.stop}
           </button>
         )}
         <span role="status">{outcome(launch)}</span>
         <span class="quiet">
-          {moment(launch.started)}
-          {launch.ended !== null && `, took ${duration(launch.ended - launch.started)}`}
+          {launch.ended === null ? moment(launch.started) : COMMON.took(moment(launch.started), duration(launch.ended - launch.started))}
         </span>
         {name && name !== here && !running && (
           <a class="button" href={shownAt}>
-            {run ? "Show the run" : "Show its runs"}
+            {run ? LAUNCH.showRun : LAUNCH.showRuns}
           </a>
         )}
         <Export name="output" rows={() => [["line"], ...lines.map((line) => [line])]} />
         {!running && (
           <button type="button" onClick={() => dismissLaunch(launch)}>
-            Dismiss
+            {LAUNCH.dismiss}
           </button>
         )}
       </p>
@@ -128,9 +114,9 @@ function Reproduced({ campaign, run }: { campaign: string; run: string }) {
 /** The comparison of a replay with the run that it repeats, which it links to. */
 export function ReplayText({ replay: { of, stored, same, text } }: { replay: Replay }) {
   return (
-    <p class={`replay ${same === false ? "error" : ""}`} aria-label="Comparison with the original">
-      Replay of {stored ? <a href={link(["campaign", ...of.split("/")])}>{of}</a> : of}
-      {text ? ": " : ", not compared with it."}
+    <p class={`replay ${same === false ? "error" : ""}`} aria-label={LAUNCH.comparison}>
+      {LAUNCH.replayOf} {stored ? <a href={link(["campaign", ...of.split("/")])}>{of}</a> : of}
+      {text ? ": " : LAUNCH.notCompared}
       <span class="lines">{text}</span>
     </p>
   );
@@ -142,8 +128,8 @@ function Output({ launched: { launch, first, lines } }: { launched: Launched }) 
   const end = useEnd(lines);
   return (
     <details open={open}>
-      <summary>Output</summary>
-      <div class="log output" {...end} tabIndex={0} role="region" aria-label="Output">
+      <summary>{LAUNCH.output}</summary>
+      <div class="log output" {...end} tabIndex={0} role="region" aria-label={LAUNCH.output}>
         <ol>
           <li class="debug">
             <span class="said">$ {launch.command}</span>
@@ -160,7 +146,7 @@ function Output({ launched: { launch, first, lines } }: { launched: Launched }) 
 }
 
 function outcome({ ended, code, stopping, run }: Launch): string {
-  if (ended === null && code !== null) return "The runs have ended; tables are being made.";
-  if (ended === null) return stopping ? "It is being stopped: running scenarios end first." : "It is running.";
-  return (run && REPLAY_OUTCOMES[code ?? 0]) || (OUTCOMES[code ?? 0] ?? `It broke off (exit code ${code}).`);
+  if (ended === null && code !== null) return LAUNCH.postprocessing;
+  if (ended === null) return stopping ? LAUNCH.stopping : LAUNCH.running;
+  return (run && LAUNCH.reproduced[code ?? 0]) || (LAUNCH.outcomes[code ?? 0] ?? LAUNCH.failed(code));
 }

@@ -3,9 +3,10 @@ import { useEffect, useState } from "preact/hooks";
 import { address, ask, type Columns, type LogPage } from "./api";
 import { variantOf, verdictOf, type Run } from "./data";
 import { causeOf, failures } from "./failures";
-import { count, plural } from "./format";
+
 import { Mark } from "./parts";
 import { choose, link } from "./route";
+import { COMMON, LOG_SEARCH } from "./text";
 import { stamped } from "./times";
 
 /** Runs that the server searches for one answer. */
@@ -39,19 +40,19 @@ export function LogSearch({ data, runs, query }: LogSearchProps) {
     <>
       <form class="tools" role="search" onSubmit={submit}>
         <label class="choice">
-          Text in the logs
+          {LOG_SEARCH.label}
           <input type="search" value={text} onInput={(event) => setText(event.currentTarget.value)} />
         </label>
-        <button type="submit">Search</button>
+        <button type="submit">{LOG_SEARCH.search}</button>
         <span class="quiet" role="status">
-          {wanted && `${plural(found.length, "run")} of ${count(searched)} searched${searched < ordered.length ? `, ${count(ordered.length - searched)} not yet` : ""}`}
+          {wanted && LOG_SEARCH.found(found.length, searched, ordered.length)}
         </span>
       </form>
       {error !== null && <p class="error" role="alert">{error}</p>}
       {wanted ? (
         <FoundRuns {...{ data, runs, found }} text={wanted} />
       ) : (
-        <p class="hint">Searches the runs that are listed below, those that did not pass first; of a log above 16 MiB, its last part.</p>
+        <p class="hint">{LOG_SEARCH.hint}</p>
       )}
     </>
   );
@@ -108,13 +109,13 @@ function FoundRuns({ data, runs, found, text }: FoundRunsProps) {
       {[...groups].map(([title, members]) => (
         <section key={title}>
           <h2>
-            {title} <small>{plural(members.length, "run")}</small>
+            {title} <small>{COMMON.nRuns(members.length)}</small>
           </h2>
           <ul class="found">
             {members.map((one) => (
               <li key={one.run}>
                 <a href={logLink(data, one, text)}>{one.run}</a> <Mark verdict={verdictOf(data, place.get(one.run)!)} />{" "}
-                <span class="quiet">{plural(one.matches, "line")}</span>
+                <span class="quiet">{COMMON.nLines(one.matches)}</span>
                 {one.lines.map(([number, , line]) => (
                   <code key={number}>{stamped(line, 0).text}</code>
                 ))}

@@ -2,9 +2,10 @@
 import type { TargetedEvent } from "preact";
 import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { address, ask, fileAddress, type LogPage } from "./api";
-import { bytes, count, plural } from "./format";
+import { count } from "./format";
 import { Select, Waiting } from "./parts";
 import { choose } from "./route";
+import { COMMON, LOG } from "./text";
 import { stamped } from "./times";
 
 const LEVELS = ["debug", "info", "warn", "error", "fatal"];
@@ -85,7 +86,7 @@ export function Log({ paths, query, period, start = null, failed = false, packed
     if (!isShown) setBefore(error + AFTER);
     setJumps((one) => one + 1);
   };
-  if (!path) return <p class="hint">The run left no log.</p>;
+  if (!path) return <p class="hint">{LOG.none}</p>;
   const chosen = new Set(levels.split(",").filter(Boolean));
   const toggle = (level: string) => {
     if (chosen.has(level)) chosen.delete(level);
@@ -97,13 +98,13 @@ export function Log({ paths, query, period, start = null, failed = false, packed
     <>
       <div class="tools">
         {options.length > 1 && (
-          <Select label="Log" value={path} options={options} onChoose={(log) => choose({ log })} />
+          <Select label={LOG.label} value={path} options={options} onChoose={(log) => choose({ log })} />
         )}
         <label class="choice">
-          Search
+          {LOG.search}
           <input type="search" value={text} onInput={(event) => choose({ find: event.currentTarget.value })} />
         </label>
-        <span class="chips" role="group" aria-label="Levels">
+        <span class="chips" role="group" aria-label={LOG.levels}>
           {LEVELS.filter((level) => page?.counts[level] || chosen.has(level)).map((level) => (
             <button key={level} type="button" class={`level ${level}`} aria-pressed={chosen.has(level)} onClick={() => toggle(level)}>
               {level} {count(page?.counts[level] ?? 0)}
@@ -117,29 +118,29 @@ export function Log({ paths, query, period, start = null, failed = false, packed
               checked={Boolean(only)}
               onChange={(event) => choose({ lines: event.currentTarget.checked ? "run" : "all" })}
             />
-            Only this run’s time
+            {LOG.onlyRun}
           </label>
         )}
         <a class="button" href={fileAddress(path)} download>
-          Save
+          {LOG.save}
         </a>
         {page && page.error !== null && !text && !levels && (
           <button type="button" onClick={() => toError(page)}>
-            First error
+            {LOG.firstError}
           </button>
         )}
         <span class="quiet" role="status">
-          {page && (page.matches === page.total ? plural(page.total, "line") : `${count(page.matches)} of ${plural(page.total, "line")}`)}
-          {page && page.end - page.begin < page.size && `, of ${part(page)}`}
+          {page && COMMON.someLines(page.matches, page.total)}
+          {page && page.end - page.begin < page.size && LOG.part(page.begin, page.end, page.size)}
         </span>
         {page && page.begin > 0 && (
           <button type="button" onClick={() => setEnd(page.begin)}>
-            Part before
+            {LOG.previousPart}
           </button>
         )}
         {end > 0 && (
           <button type="button" onClick={() => setEnd(0)}>
-            Last part
+            {LOG.lastPart}
           </button>
         )}
       </div>
@@ -152,11 +153,7 @@ export function Log({ paths, query, period, start = null, failed = false, packed
   );
 }
 
-/** Which part of a large log is shown; its lines are numbered from there. */
-function part(page: LogPage): string {
-  const place = page.end < page.size ? `${bytes(page.begin)} to ${bytes(page.end)}` : `the last ${bytes(page.end - page.begin)}`;
-  return `${place} of ${bytes(page.size)}`;
-}
+
 
 function short(path: string): string {
   return path.split("/").slice(1).join("/");
@@ -200,23 +197,23 @@ function Lines({ page, text, before, onPage, live, start, jumps }: LinesProps) {
     jumped.current = jumps;
     end.ref.current.scrollTop = wanted.current.offsetTop - ABOVE;
   }, [page, jumps]);
-  if (!page.lines.length) return <p class="hint">No line is like that.</p>;
+  if (!page.lines.length) return <p class="hint">{LOG.noMatch}</p>;
   return (
     <div
       class="log"
       {...end}
       tabIndex={0}
       role="region"
-      aria-label="Lines of the log"
+      aria-label={LOG.lines}
     >
       {page.lines.length < page.matches && (
         <p class="pager">
           <button type="button" onClick={() => onPage(first)}>
-            Earlier lines
+            {LOG.earlier}
           </button>
           {before > 0 && (
             <button type="button" onClick={() => onPage(0)}>
-              The end
+              {LOG.last}
             </button>
           )}
         </p>
@@ -229,7 +226,7 @@ function Lines({ page, text, before, onPage, live, start, jumps }: LinesProps) {
               <span class="at" aria-hidden="true">
                 {number}
               </span>
-              {start !== null && <span class="when">{said.at && `${said.at} s`}</span>}
+              {start !== null && <span class="when">{said.at && LOG.at(said.at)}</span>}
               <span class="said">{marked(said.text, text)}</span>
             </li>
           );

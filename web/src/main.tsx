@@ -10,8 +10,9 @@ import { link, useRoute } from "./route";
 import { RunPage } from "./run";
 import { StartPage } from "./start";
 import "./style.css";
+import { APP, PRODUCT } from "./text";
 
-const TITLES: Record<string, string> = { compare: "Comparison", start: "Run a campaign" };
+
 
 /** How far down pages were scrolled, by address. */
 const places = new Map<string, number>();
@@ -24,7 +25,7 @@ function Page() {
   const main = useRef<HTMLElement>(null);
   const first = useRef(true);
   useEffect(() => {
-    document.title = [...names.toReversed(), TITLES[view ?? ""], "RoboVAST"].filter(Boolean).join(" · ");
+    document.title = [...names.toReversed(), APP.titles[view ?? ""], PRODUCT].filter(Boolean).join(" · ");
     if (!first.current) {
       main.current?.focus({ preventScroll: true });
       scrollTo(0, places.get(location.href) ?? 0);
@@ -35,10 +36,10 @@ function Page() {
     <>
       <header class="top">
         <a class="brand" href={link([])}>
-          RoboVAST
+          {PRODUCT}
         </a>
         {(view === "campaign" || view === "job") && names[0] && (
-          <nav aria-label="Place">
+          <nav aria-label={APP.breadcrumb}>
             <ol class="place">
               <li>
                 <a href={link(["campaign", names[0]])}>{names[0]}</a>
@@ -52,11 +53,11 @@ function Page() {
           </nav>
         )}
         <span class="news" role="status">
-          {!connected && <span class="offline">The server does not answer.</span>}
+          {!connected && <span class="offline">{APP.offline}</span>}
           {connected && <Preparing />}
           {connected && launched && isRunning(launched) && (
             <a class="state running" href={whereShown(launched)}>
-              a campaign is running
+              {APP.running}
             </a>
           )}
         </span>
@@ -87,9 +88,9 @@ function pageOf(view: string | undefined, names: string[], query: URLSearchParam
   if (view === undefined) return <CampaignsPage query={query} />;
   return (
     <>
-      <h1>There is no such page</h1>
+      <h1>{APP.notFound}</h1>
       <p>
-        This address leads nowhere: perhaps a part of it was lost. <a href={link([])}>All campaigns</a>
+        {APP.incomplete} <a href={link([])}>{APP.allCampaigns}</a>
       </p>
     </>
   );

@@ -4,10 +4,11 @@ import { useMemo } from "preact/hooks";
 import type { Columns } from "./api";
 import { cells, show, titled, type Cell, type Run, type Shown } from "./data";
 import type { Axes } from "./factors";
-import { percent, plural } from "./format";
+import { percent } from "./format";
 import { Export, Select, Waiting } from "./parts";
 import { anytime, intervalText, wilson, type Interval } from "./rates";
 import { choose } from "./route";
+import { COMMON, MATRIX } from "./text";
 
 interface MatrixProps {
   data: Columns;
@@ -36,7 +37,7 @@ export function Matrix(props: MatrixProps) {
   const intervalOf = data.wider ? anytime : wilson;
   const scale = scaleOf(found.flat(), measure, signed);
   const rows = () => [
-    [y || "all", x || "all", "runs", "not passed", "failure rate", "from", "to", measure && `mean ${measure}`],
+    MATRIX.head(x, y, measure),
     ...found.flatMap((row, j) =>
       row.map((cell, i) => [
         down.labels[j],
@@ -53,16 +54,16 @@ export function Matrix(props: MatrixProps) {
   return (
     <>
       <div class="tools">
-        <Select label="Across" value={x} options={options} onChoose={(v) => choose({ x: v || "-", cell: "" })} />
-        <Select label="Down" value={y} options={options} onChoose={(v) => choose({ y: v || "-", cell: "" })} />
+        <Select label={COMMON.across} value={x} options={options} onChoose={(v) => choose({ x: v || "-", cell: "" })} />
+        <Select label={MATRIX.down} value={y} options={options} onChoose={(v) => choose({ y: v || "-", cell: "" })} />
         {chooser}
         <Legend measure={measure} scale={scale} signed={signed} />
         <Export name={`${data.summary.name}-matrix`} rows={rows} />
       </div>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Matrix of configurations">
+      <div class="scroll" tabIndex={0} role="region" aria-label={MATRIX.label}>
         <table class={`matrix ${signed ? "" : measure ? "measure" : "rate"}`} onKeyDown={moveFocus}>
           <caption class="hidden">
-            {measure ? `Mean ${measure}` : isBad ? "Share of runs with the chosen cause" : "Failure rate"} by {x || "all"} across and {y || "all"} down
+            {MATRIX.caption(measure, Boolean(isBad), x, y)}
           </caption>
           <thead>
             <tr>
@@ -71,7 +72,7 @@ export function Matrix(props: MatrixProps) {
               </td>
               {across.labels.map((label, i) => (
                 <th key={i} scope="col">
-                  {label || <span class="hidden">all</span>}
+                  {label || <span class="hidden">{MATRIX.all}</span>}
                 </th>
               ))}
             </tr>
@@ -79,7 +80,7 @@ export function Matrix(props: MatrixProps) {
           <tbody>
             {found.map((row, j) => (
               <tr key={j}>
-                <th scope="row">{down.labels[j] || <span class="hidden">all</span>}</th>
+                <th scope="row">{down.labels[j] || <span class="hidden">{MATRIX.all}</span>}</th>
                 {row.map((cell, i) => (
                   <CellOf
                     key={i}
@@ -126,8 +127,7 @@ function CellOf({ cell, id, place, measure, interval, share, signed, chosen, tab
   const plus = signed && value !== null && value > 0 ? "+" : "";
   const text = value === null ? "" : measure ? plus + number : percent(value);
   const where = place.filter(Boolean).join(", ");
-  const sure = cell.runs ? ` (95 % interval ${intervalText(interval)})` : "";
-  const title = `${where}: ${plural(cell.runs, "run")}, ${cell.bad} not passed${sure}`;
+  const title = MATRIX.cell(where, cell.runs, cell.bad, intervalText(interval));
   const colour = share === null ? undefined : { "--share": inPercent(Math.abs(share)), "--sure": "100%" };
   if (colour && !measure) colour["--sure"] = inPercent(1 - PALEST * (interval[1] - interval[0]));
   return (
@@ -143,7 +143,7 @@ function CellOf({ cell, id, place, measure, interval, share, signed, chosen, tab
         onClick={() => onChoose(chosen ? "" : id)}
       >
         <span class="hidden">{where}: </span>
-        {text || <span class="hidden">no runs</span>}
+        {text || <span class="hidden">{MATRIX.noRuns}</span>}
         {!measure && cell.runs > 0 && (
           <>
             <small>

@@ -7,6 +7,6 @@ test("a column with one value everywhere is offered last", () => {
     ["constructor/a", "a", "constructor"],
     ["poses/t", "t", "poses"],
     ["poses/x", "x", "poses"],
-    ["poses/z", "poses: z", "The same everywhere"],
+    ["poses/z", "poses: z", "Constant"],
   ]);
 });

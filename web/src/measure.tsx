@@ -6,8 +6,9 @@ import { useAnswer } from "./live";
 import { Select, type Option } from "./parts";
 import { Pick } from "./pick";
 import { choose } from "./route";
+import { COMMON, GROUPS, MEASURE } from "./text";
 
-const AGGREGATES: Record<string, string> = { mean: "mean", least: "minimum", most: "maximum", sum: "sum" };
+
 
 /** A column is chosen as `table/column`; names of tables have no slash. */
 function parts(colour: string): [string, string] | null {
@@ -23,12 +24,12 @@ export function useMeasure(data: Columns, colour: string, aggregate: string): Sh
   const metric = useAnswer<Metric>(url);
   return useMemo(() => {
     if (colour === "duration") {
-      return { name: "duration [s]", of: (run: Run) => data.runs.duration[run] };
+      return { name: COMMON.durationInSeconds, of: (run: Run) => data.runs.duration[run] };
     }
     if (!column) return null;
     const found = metric.data ?? {};
     return {
-      name: `${AGGREGATES[aggregate]} ${column[1]}`,
+      name: `${MEASURE.aggregates[aggregate]} ${column[1]}`,
       of: (run: Run) => found[`${variantOf(data, run)}/${data.runs.number[run]}`] ?? null,
     };
   }, [data, colour, aggregate, metric.data]);
@@ -40,7 +41,7 @@ export function optionsOf({ columns, same }: Metrics): Option[] {
   const isSame = ([table, name]: readonly [string, string]) => Object.hasOwn(same, table) && same[table]!.includes(name);
   return [
     ...all.filter((one) => !isSame(one)).map(([table, name]): Option => [`${table}/${name}`, name, table]),
-    ...all.filter(isSame).map(([table, name]): Option => [`${table}/${name}`, `${table}: ${name}`, "The same everywhere"]),
+    ...all.filter(isSame).map(([table, name]): Option => [`${table}/${name}`, `${table}: ${name}`, GROUPS.constant]),
   ];
 }
 
@@ -54,12 +55,12 @@ export function Chooser({ campaign, colour, aggregate }: ChooserProps) {
   const { data } = useAnswer<Metrics>(address(["campaigns", campaign, "metrics"]));
   const columns = useMemo(() => (data ? optionsOf(data) : []), [data]);
   const chosen = parts(colour);
-  const options: Option[] = [["", "failure rate"], ["duration", "mean duration [s]"], ...columns];
+  const options: Option[] = [["", COMMON.failureRate], ["duration", COMMON.meanDuration], ...columns];
   if (chosen && !columns.some(([key]) => key === colour)) options.push([colour, colour]);
   return (
     <>
       <Pick
-        label="Colour"
+        label={COMMON.color}
         text={options.find(([value]) => value === colour)?.[1] ?? ""}
         options={options}
         chosen={[colour]}
@@ -67,9 +68,9 @@ export function Chooser({ campaign, colour, aggregate }: ChooserProps) {
       />
       {chosen && (
         <Select
-          label="of each run the"
+          label={MEASURE.perRun}
           value={aggregate}
-          options={Object.entries(AGGREGATES)}
+          options={Object.entries(MEASURE.aggregates)}
           onChoose={(value) => choose({ of: value === "mean" ? "" : value })}
         />
       )}

@@ -6,6 +6,7 @@ import { percent } from "./format";
 import { Grid, type Column } from "./grid";
 import { GLYPHS } from "./parts";
 import { choose, link } from "./route";
+import { COMMON, MIXED } from "./text";
 
 /** Runs of a strip that are drawn. */
 const MOST = 60;
@@ -45,14 +46,14 @@ interface MixedProps {
 export function MixedList({ data, runs, names, sort }: MixedProps) {
   const found = useMemo(() => mixed(data, runs), [data, runs]);
   const rows = useMemo(() => sortedBy(data, found, sort), [data, found, sort]);
-  if (found.length === 0) return <p class="hint">All runs of each configuration ended alike.</p>;
+  if (found.length === 0) return <p class="hint">{MIXED.none}</p>;
   const value = (name: string, row: number) => data.variants.values[name]![found[row]!.variant];
   const only = (row: number) =>
     link(["campaign", data.summary.name], { q: `variant=${data.variants.name[found[row]!.variant]}` });
   const columns: Column[] = [
-    { id: "variant", label: "Configuration", cell: (row) => <a href={only(row)}>{data.variants.name[found[row]!.variant]}</a> },
-    { id: "strip", label: "Runs", cell: (row) => <Strip verdicts={found[row]!.verdicts} /> },
-    { id: "rate", label: "Not passed", kind: "number", cell: (row) => percent(found[row]!.rate) },
+    { id: "variant", label: COMMON.configuration, cell: (row) => <a href={only(row)}>{data.variants.name[found[row]!.variant]}</a> },
+    { id: "strip", label: COMMON.runs, cell: (row) => <Strip verdicts={found[row]!.verdicts} /> },
+    { id: "rate", label: COMMON.unsuccessful, kind: "number", cell: (row) => percent(found[row]!.rate) },
     ...names.slice(0, MOST_COLUMNS).map((name): Column => ({
       id: `p:${name}`,
       label: titled(data, name),
@@ -61,7 +62,7 @@ export function MixedList({ data, runs, names, sort }: MixedProps) {
   ];
   return (
     <Grid
-      label="Configurations with mixed verdicts"
+      label={MIXED.label}
       columns={columns}
       rows={rows}
       sort={sort}
@@ -88,7 +89,7 @@ function sortedBy(data: Columns, found: Mixed[], sort: string): number[] {
 function Strip({ verdicts }: { verdicts: Verdict[] }) {
   const bad = verdicts.filter((verdict) => verdict !== "passed").length;
   return (
-    <span class="outcomes" role="img" aria-label={`${bad} of ${verdicts.length} did not pass`}>
+    <span class="outcomes" role="img" aria-label={MIXED.strip(bad, verdicts.length)}>
       {verdicts.slice(0, MOST).map((verdict, place) => (
         <span key={place} class={verdict}>
           {GLYPHS[verdict]}

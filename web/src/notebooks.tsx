@@ -3,9 +3,10 @@ import { useEffect, useState } from "preact/hooks";
 import { address, post, type NotebookEntry, type NotebookResult } from "./api";
 import { duration, moment } from "./format";
 import { useAnswer } from "./live";
-import { Copy, Select, Waiting, type Option } from "./parts";
+import { Copy, Prose, Select, Waiting, type Option } from "./parts";
 import { choose } from "./route";
 import type { SearchAnswer } from "./search-data";
+import { COMMON, NOTEBOOKS } from "./text";
 
 interface Target {
   campaign: string;
@@ -23,7 +24,7 @@ export function Notebooks({ title, target }: { title: string; target: Target }) 
       {!data && <Waiting error={error} />}
       {data?.length === 0 && (
         <p class="hint">
-          The .vast file names no notebook for this in <code>evaluation.visualization</code>.
+          <Prose text={NOTEBOOKS.none} />
         </p>
       )}
       {data?.map((entry) => <Workload key={entry.workload} entry={entry} target={target} />)}
@@ -39,9 +40,9 @@ export function BatchNotebooks({ campaign, chosen }: { campaign: string; chosen:
   const batch = options.some(([value]) => value === chosen) ? chosen! : String(data.batches - 1);
   return (
     <>
-      <Notebooks key={batch} title={`For batch ${batch}`} target={{ campaign, batch }} />
+      <Notebooks key={batch} title={NOTEBOOKS.ofBatch(batch)} target={{ campaign, batch }} />
       <div class="tools">
-        <Select label="Batch" value={batch} options={options} onChoose={(next) => choose({ batch: next })} />
+        <Select label={NOTEBOOKS.batch} value={batch} options={options} onChoose={(next) => choose({ batch: next })} />
       </div>
     </>
   );
@@ -68,25 +69,25 @@ function Workload({ entry, target }: { entry: NotebookEntry; target: Target }) {
     if (entry.running) void execute("");
   }, [entry.running]);
   return (
-    <section class="notebook" aria-label={`Notebook ${workload}`}>
+    <section class="notebook" aria-label={NOTEBOOKS.label(workload)}>
       <h3>
         {workload} <span class="quiet">{entry.path}</span>
       </h3>
       <div class="tools">
         <button type="button" disabled={busy || Boolean(entry.fault)} onClick={() => execute(result ? "1" : "")}>
-          {result ? "Execute again" : "Execute"}
+          {result ? NOTEBOOKS.runAgain : NOTEBOOKS.run}
         </button>
         <span class="quiet" role="status">
           {busy
-            ? "Being executed …"
+            ? NOTEBOOKS.running
             : result
-              ? `${moment(result.ended)}, took ${duration(result.seconds)}`
-              : "Executes code that the campaign brings along."}
+              ? COMMON.took(moment(result.ended), duration(result.seconds))
+              : NOTEBOOKS.warning}
         </span>
-        <Copy text={entry.command} label="Copy the command that opens it in Jupyter" />
+        <Copy text={entry.command} label={NOTEBOOKS.jupyter} />
         {result?.has_output && (
           <a class="button" href={shown(result)} target="_blank" rel="noreferrer">
-            Alone in a tab
+            {NOTEBOOKS.newTab}
           </a>
         )}
       </div>
@@ -96,7 +97,7 @@ function Workload({ entry, target }: { entry: NotebookEntry; target: Target }) {
         </p>
       )}
       {result?.has_output && !busy && (
-        <iframe key={result.ended} sandbox="" src={shown(result)} title={`Output of ${workload}`} />
+        <iframe key={result.ended} sandbox="" src={shown(result)} title={NOTEBOOKS.output(workload)} />
       )}
     </section>
   );

@@ -2,9 +2,10 @@
 import { useEffect, useMemo, useState } from "preact/hooks";
 import uPlot from "uplot";
 import { address, ask, type Sibling, type Table } from "./api";
-import { plural } from "./format";
+
 import { Plot, type Curve } from "./plot";
 import { sortedCurves } from "./tables";
+import { OVERLAY } from "./text";
 
 /** Runs that are drawn beside the own one. */
 const MOST = 20;
@@ -46,12 +47,11 @@ export function Overlay({ family, path, data, over, drawn, start }: OverlayProps
       {plots.map(([axis, curves], i) => (
         <figure key={drawn[i]}>
           <figcaption>{drawn[i]}</figcaption>
-          <Plot label={`${drawn[i]} of ${plural(curves.length, "run")}`} x={axis} curves={curves} legend={false} height={200} />
+          <Plot label={OVERLAY.plot(drawn[i]!, curves.length)} x={axis} curves={curves} legend={false} height={200} />
         </figure>
       ))}
       <p class="quiet" role="status">
-        This run and {tables.length} of {plural(others.length, "other")}: those that passed are thin, the others thick, this one is
-        the thickest.
+        {OVERLAY.legend(tables.length, others.length)}
       </p>
     </>
   );
@@ -88,7 +88,7 @@ export function overlaid(tables: [Sibling, Table][], over: string, name: string)
   const curves = values.map((one, i): Curve => {
     const [number, verdict] = tables[i]![0];
     const look = number < 0 ? { colour: "--curve-1", width: 3.5 } : { colour: `--${verdict}`, width: verdict === "passed" ? 1 : 2.2 };
-    return { label: number < 0 ? "this run" : `run ${number}`, values: one as (number | null)[], ...look };
+    return { label: number < 0 ? OVERLAY.thisRun : OVERLAY.run(number), values: one as (number | null)[], ...look };
   });
   return [{ label, values: axis as number[] }, curves];
 }

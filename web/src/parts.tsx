@@ -5,6 +5,7 @@ import { VERDICTS, type Summary, type Verdict } from "./api";
 import { csv } from "./data";
 import { count, percent } from "./format";
 import { useProgress } from "./pending";
+import { COMMON, COUNTS } from "./text";
 
 export const GLYPHS: Record<Verdict, string> = { passed: "✓", failed: "✕", errored: "!", interrupted: "–" };
 
@@ -31,12 +32,12 @@ export function VerdictBar({ summary }: { summary: Summary }) {
   const { counts, planned } = summary;
   const shares = VERDICTS.filter((verdict) => counts[verdict] > 0);
   const done = VERDICTS.reduce((sum, verdict) => sum + counts[verdict], 0);
-  const text = [...shares.map((verdict) => `${count(counts[verdict])} ${verdict}`)];
-  const missing = `${count(planned - done)} ${summary.state === "running" ? "to come" : "not executed"}`;
+  const text = [...shares.map((verdict) => COUNTS.of(counts[verdict], verdict))];
+  const missing = (summary.state === "running" ? COUNTS.pending : COUNTS.notRun)(planned - done);
   if (planned > done) text.push(missing);
   return (
     <div class="verdicts">
-      <div class="bar" role="img" aria-label={text.join(", ") || "no runs"}>
+      <div class="bar" role="img" aria-label={text.join(", ") || COUNTS.noRuns}>
         {shares.map((verdict) => (
           <span
             key={verdict}
@@ -77,7 +78,7 @@ interface WaitingProps {
 }
 
 /** What is shown while an answer is waited for, or instead of it. */
-export function Waiting({ error, title, what = "Loading …" }: WaitingProps) {
+export function Waiting({ error, title, what = COMMON.loading }: WaitingProps) {
   const progress = useProgress();
   return (
     <>
@@ -91,6 +92,11 @@ export function Waiting({ error, title, what = "Loading …" }: WaitingProps) {
       )}
     </>
   );
+}
+
+/** A text in which code stands between backticks. */
+export function Prose({ text }: { text: string }) {
+  return <>{text.split("`").map((part, place) => (place % 2 ? <code key={place}>{part}</code> : part))}</>;
 }
 
 /** Saves data as a file. */
@@ -109,19 +115,19 @@ export function Export({ name, rows }: { name: string; rows: () => unknown[][] }
   return (
     <span class="buttons">
       <button type="button" onClick={() => save(csv(rows()), "text/csv", "csv")}>
-        Save CSV
+        {COMMON.saveCsv}
       </button>
       <button
         type="button"
         onClick={() => save(JSON.stringify(records(), null, 1), "application/json", "json")}
       >
-        Save JSON
+        {COMMON.saveJson}
       </button>
     </span>
   );
 }
 
-export function Copy({ text, label }: { text: string; label: string }) {
+export function Copy({ text, label = COMMON.copy }: { text: string; label?: string }) {
   const [copied, setCopied] = useState(false);
   const copy = async () => {
     await navigator.clipboard.writeText(text);
@@ -130,7 +136,7 @@ export function Copy({ text, label }: { text: string; label: string }) {
   };
   return (
     <button type="button" onClick={copy}>
-      <span aria-live="polite">{copied ? "Copied" : label}</span>
+      <span aria-live="polite">{copied ? COMMON.copied : label}</span>
     </button>
   );
 }

@@ -1,6 +1,7 @@
 // What is being waited for: after a second it is said what that is, and how much of it is there.
 import { useEffect, useState } from "preact/hooks";
-import { bytes, count } from "./format";
+import { LOADING } from "./text";
+
 
 export interface Awaited {
   url: string;
@@ -46,32 +47,16 @@ export function useProgress(): string {
   return said;
 }
 
-/** What an answer is about, by the beginning of its address; the first that fits. */
-const SUBJECTS: [RegExp, string][] = [
-  [/^campaigns$/, "the campaigns"],
-  [/^campaigns\/[^/]+$/, "the runs"],
-  [/^campaigns\/[^/]+\/factors/, "what separates failures"],
-  [/^campaigns\/[^/]+\/metric\?/, "a number of each run"],
-  [/^campaigns\/[^/]+\/(logs|about|metrics)/, "what is in its files"],
-  [/^campaigns/, "the run"],
-  [/^compar/, "the comparison"],
-  [/^changes/, "what changed"],
-  [/^search\/[^/]+\/map/, "the failure map"],
-  [/^search/, "the search"],
-  [/^(maps|failures)/, "the maps"],
-  [/^drive/, "the recording"],
-  [/^history/, "the history"],
-  [/^(log|table|usage|timeline)\?/, "the file"],
-];
+
 
 /** What has been waited for the longest, in words. */
 export function progress(awaited: Awaited[], reading: Reading, now: number): string {
   const oldest = awaited.reduce<Awaited | null>((a, b) => (a && a.since <= b.since ? a : b), null);
   if (!oldest) return "";
   const place = oldest.url.replace(/^api\//, "");
-  const [, subject = "the answer"] = SUBJECTS.find(([pattern]) => pattern.test(place)) ?? [];
+  const [, subject = LOADING.otherwise] = LOADING.subjects.find(([pattern]) => pattern.test(place)) ?? [];
   const named = Object.entries(reading).filter(([name]) => place.includes(encodeURIComponent(name)));
-  const read = named.map(([name, [done, all]]) => `${count(done)} of ${count(all)} configurations of ${name} are read`);
-  const much = oldest.bytes ? `${bytes(oldest.bytes)} so far` : `for ${Math.round((now - oldest.since) / 1000)} s`;
-  return `Loading ${subject} … ${read.join(", ") || much}`;
+  const read = named.map(([name, [done, all]]) => LOADING.read(done, all, name));
+  const much = oldest.bytes ? LOADING.soFar(oldest.bytes) : LOADING.seconds((now - oldest.since) / 1000);
+  return LOADING.text(subject, read.join(", ") || much);
 }

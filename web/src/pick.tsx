@@ -1,6 +1,7 @@
 // A choice of one or several of many things, in groups and with a search.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { grouped, type Option } from "./parts";
+import { PICK } from "./text";
 
 interface PickProps {
   /** What is chosen here, and what stands on the button. */
@@ -64,14 +65,14 @@ function Choices({ label, options, chosen, several, onChoose, onReset }: Omit<Pi
         <input
           type="search"
           ref={field}
-          aria-label={`Search ${label.toLowerCase()}`}
-          placeholder="search"
+          aria-label={PICK.searchFor(label)}
+          placeholder={PICK.search}
           value={search}
           onInput={(event) => setSearch(event.currentTarget.value)}
         />
         {onReset && (
           <button type="button" onClick={onReset}>
-            As usual
+            {PICK.reset}
           </button>
         )}
       </p>
@@ -96,7 +97,7 @@ function Choices({ label, options, chosen, several, onChoose, onReset }: Omit<Pi
           )}
         </fieldset>
       ))}
-      {found.length === 0 && <p class="quiet">Nothing has “{search}” in its name.</p>}
+      {found.length === 0 && <p class="quiet">{PICK.nothing(search)}</p>}
     </div>
   );
 }

@@ -2,6 +2,7 @@
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
+import { PLOT } from "./text";
 
 export interface Curve {
   label: string;
@@ -51,7 +52,7 @@ export function Plot({ label, x, curves, format, fromZero = false, height = 260,
       plot?.destroy();
     };
   }, [x, curves]);
-  return <div class="plot" ref={frame} role="img" aria-label={`${label}: ${curves.map((c) => c.label).join(", ")} over ${x.label}`} />;
+  return <div class="plot" ref={frame} role="img" aria-label={PLOT.label(label, curves.map((c) => c.label), x.label)} />;
 }
 
 /** Room for the numbers of an axis [px]. */

@@ -1,6 +1,7 @@
 // Tables that are still made while one looks at results.
-import { plural } from "./format";
+
 import { usePrepared } from "./live";
+import { PREPARING } from "./text";
 
 export function Preparing() {
   const prepared = usePrepared();
@@ -9,7 +10,7 @@ export function Preparing() {
   if (running) {
     return (
       <span class="quiet">
-        Tables are being made, for plots and colours: {done} of {plural(total, "campaign")}
+        {PREPARING.running(done, total)}
       </span>
     );
   }
@@ -17,12 +18,12 @@ export function Preparing() {
     <>
       {done < total && (
         <span class="quiet">
-          Tables of {done} of {plural(total, "campaign")} could be made; the terminal says why.
+          {PREPARING.incomplete(done, total)}
         </span>
       )}
       {changed && (
         <button type="button" onClick={() => location.reload()}>
-          Tables were made: show them
+          {PREPARING.show}
         </button>
       )}
     </>

@@ -1,11 +1,12 @@
 // More runs of configurations of a campaign: a command, and a button that executes it.
 import { useState } from "preact/hooks";
 import { address, type Offer } from "./api";
-import { plural } from "./format";
+
 import { Refusal, useStarter } from "./launched";
 import { useAnswer, type Versions } from "./live";
 import { MOST_NAMED, moreRuns, usualRuns } from "./more-command";
 import { Copy } from "./parts";
+import { RUN_MORE } from "./text";
 
 interface RunMoreProps {
   campaign: string;
@@ -37,7 +38,7 @@ export function RunMore({ campaign, configurations }: RunMoreProps) {
   if (configurations.length > MOST_NAMED) {
     return (
       <p class="quiet note">
-        More runs are for up to {MOST_NAMED} configurations; here are {plural(configurations.length, "configuration")}.
+        {RUN_MORE.tooMany(MOST_NAMED, configurations.length)}
       </p>
     );
   }
@@ -46,11 +47,11 @@ export function RunMore({ campaign, configurations }: RunMoreProps) {
   const command = cluster
     ? cluster.parts.join(String(cluster.of_all ? runs : runs - planned))
     : moreRuns(more.command, configurations, runs);
-  const whose = configurations.length === 1 ? configurations[0] : `each of ${plural(configurations.length, "configuration")}`;
+  const whose = configurations.length === 1 ? configurations[0]! : RUN_MORE.each(configurations.length);
   return (
     <div class="run-more">
       <label class="choice">
-        Runs in all, of {cluster?.of_all ? "every configuration" : whose}
+        {RUN_MORE.total(cluster?.of_all ? RUN_MORE.every : whose)}
         <input
           type="number"
           min={planned + 1}
@@ -59,24 +60,24 @@ export function RunMore({ campaign, configurations }: RunMoreProps) {
         />
       </label>
       <div class="command">
-        <span id="run-more">Run {runs - planned} more {cluster ? "in the cluster" : "here"}</span>
+        <span id="run-more">{RUN_MORE.label(runs - planned, cluster !== null)}</span>
         <code tabIndex={0} aria-labelledby="run-more">
           {command}
         </code>
-        <Copy text={command} label="Copy" />
+        <Copy text={command} />
         {offer?.repeat && !cluster && (
           <button
             type="button"
             disabled={busy}
-            title="Executes what the campaign brings along"
+            title={RUN_MORE.title}
             onClick={() => start(address(["more"], { campaign, config: configurations, runs }))}
           >
-            Run {runs - planned} more
+            {RUN_MORE.button(runs - planned)}
           </button>
         )}
       </div>
-      {cluster && <p class="quiet">NAME stands for the Campaign.</p>}
-      {more.widen && <p class="quiet">Runs that are added after a look make the intervals of all configurations wider.</p>}
+      {cluster && <p class="quiet">{RUN_MORE.name}</p>}
+      {more.widen && <p class="quiet">{RUN_MORE.wider}</p>}
       <Refusal text={refusal} />
     </div>
   );

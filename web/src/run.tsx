@@ -26,6 +26,7 @@ import { Plot } from "./plot";
 import { choose, link } from "./route";
 import { RunMore } from "./run-more";
 import { Tables } from "./tables";
+import { COMMON, NOTEBOOKS, RUN } from "./text";
 
 const MOST_SIBLINGS = 50;
 
@@ -78,8 +79,8 @@ interface SiblingsProps extends Target {
 function Siblings({ campaign, variant, run, siblings }: SiblingsProps) {
   if (siblings.length < 2) return null;
   return (
-    <nav class="siblings" aria-label="Runs of this configuration">
-      <span aria-hidden="true">Its runs</span>
+    <nav class="siblings" aria-label={RUN.siblings}>
+      <span aria-hidden="true">{RUN.itsRuns}</span>
       {siblings.slice(0, MOST_SIBLINGS).map(([number, verdict]) => (
         <a
           key={number}
@@ -109,16 +110,16 @@ function Head({ data, result, title, target, children }: HeadProps) {
   const { record } = data;
   const text = (key: string) => show(record[key] === "" ? null : record[key]);
   const facts: [string, string][] = [
-    ["Started", moment(seconds(record.started_at))],
-    ["Duration", duration(record.duration as number | null)],
-    ["Exit code", text("exit_code")],
-    ["Attempt", text("attempt")],
-    ["Seed", text("seed")],
-    ...(record.reused_from ? [["Reused from", text("reused_from")] as [string, string]] : []),
-    ["Job", text("job")],
-    ["Runtime", text("runtime")],
-    ["Image", text("image")],
-    ["Host", text("host")],
+    [COMMON.started, moment(seconds(record.started_at))],
+    [COMMON.duration, duration(record.duration as number | null)],
+    [RUN.exitCode, text("exit_code")],
+    [RUN.attempt, text("attempt")],
+    [RUN.seed, text("seed")],
+    ...(record.reused_from ? [[RUN.reusedFrom, text("reused_from")] as [string, string]] : []),
+    [RUN.job, text("job")],
+    [RUN.runtime, text("runtime")],
+    [COMMON.image, text("image")],
+    [RUN.host, text("host")],
   ];
   return (
     <div class="head">
@@ -130,11 +131,11 @@ function Head({ data, result, title, target, children }: HeadProps) {
       <Missing files={record.missing} />
       {data.failure && (
         <details>
-          <summary>All that the test result says</summary>
+          <summary>{RUN.testResult}</summary>
           <pre tabIndex={0}>{data.failure}</pre>
         </details>
       )}
-      <Folded title="About this run">
+      <Folded title={RUN.details}>
         <dl class="facts">
           {facts
             .filter(([, value]) => value !== "–")
@@ -158,7 +159,7 @@ function Missing({ files }: { files: unknown }) {
   const told = Array.isArray(files) ? (files as Partial<Record<string, unknown>>[]) : [];
   return told.length === 0 ? null : (
     <details>
-      <summary>Files that could not be stored</summary>
+      <summary>{RUN.missing}</summary>
       <ul>
         {told.map((file) => (
           <li key={String(file?.path)}>
@@ -177,14 +178,14 @@ function Repeat({ command, target }: { command: string; target: Target }) {
   return (
     <>
       <div class="command">
-        <span id="repeat">Run it again here</span>
+        <span id="repeat">{RUN.reproduceHere}</span>
         <code tabIndex={0} aria-labelledby="repeat">
           {command}
         </code>
-        <Copy text={command} label="Copy" />
+        <Copy text={command} />
         {offer?.repeat && (
-          <button type="button" disabled={busy} title="Runs it with the same seed, files and image, and compares" onClick={() => start(address(["repeat"], { ...target }))}>
-            Run it again
+          <button type="button" disabled={busy} title={RUN.reproduceTitle} onClick={() => start(address(["repeat"], { ...target }))}>
+            {RUN.reproduce}
           </button>
         )}
       </div>
@@ -205,20 +206,20 @@ function tabsOf(data: RunDetails, failed: boolean, family: Family, query: URLSea
   const [from, to] = [seconds(data.record.started_at), seconds(data.record.finished_at)];
   const period = from !== null && to !== null ? ([from - 0.002, to + 0.02] as [number, number]) : null;
   const tabs: (Tab | false)[] = [
-    { id: "log", label: "Log", show: () => <Log paths={data.logs} {...{ query, period, failed }} start={from} packed={data.packed} /> },
+    { id: "log", label: RUN.log, show: () => <Log paths={data.logs} {...{ query, period, failed }} start={from} packed={data.packed} /> },
     player,
-    tables.length > 0 && { id: "plots", label: "Plots", show: () => <Tables files={tables} query={query} start={from} family={family} /> },
-    data.usage.length > 0 && { id: "resources", label: "Resources", show: () => <Resources data={data} /> },
-    { id: "parameters", label: "Parameters", show: () => <Parameters data={data} /> },
-    pictures.length > 0 && { id: "video", label: pictures.some((file) => file.kind === "video") ? "Video" : "Pictures", show: () => <Pictures files={pictures} /> },
-    data.bags.length > 0 && { id: "bag", label: "Bag", show: () => <Bags bags={data.bags} /> },
-    { id: "files", label: `Files`, show: () => <Files data={data} /> },
+    tables.length > 0 && { id: "plots", label: RUN.plots, show: () => <Tables files={tables} query={query} start={from} family={family} /> },
+    data.usage.length > 0 && { id: "resources", label: RUN.resources, show: () => <Resources data={data} /> },
+    { id: "parameters", label: RUN.parameters, show: () => <Parameters data={data} /> },
+    pictures.length > 0 && { id: "video", label: pictures.some((file) => file.kind === "video") ? RUN.video : RUN.images, show: () => <Pictures files={pictures} /> },
+    data.bags.length > 0 && { id: "bag", label: RUN.bag, show: () => <Bags bags={data.bags} /> },
+    { id: "files", label: RUN.files, show: () => <Files data={data} /> },
   ];
   return tabs.filter((tab) => tab !== false);
 }
 
 function playerOf(target: Target, siblings: Sibling[], query: URLSearchParams): Tab {
-  return { id: "player", label: "Player", show: () => <Player {...target} siblings={siblings} query={query} /> };
+  return { id: "player", label: RUN.playback, show: () => <Player {...target} siblings={siblings} query={query} /> };
 }
 
 /** The configuration on its map, as it was planned. */
@@ -226,31 +227,31 @@ function mapOf(campaign: string, variant: string): Tab {
   const source = address(["map", campaign, variant]);
   const show = () => (
     <figure>
-      <img src={source} alt={`Map of ${variant} with start, goals, path and obstacles`} />
+      <img src={source} alt={RUN.mapOf(variant)} />
       <figcaption>
-        Start (S), goals (1, 2, …), shortest path and obstacles, as they were planned.{" "}
+        {RUN.mapCaption}{" "}
         <a href={source} download={`${variant}.svg`}>
-          Save SVG
+          {RUN.saveSvg}
         </a>
       </figcaption>
     </figure>
   );
-  return { id: "map", label: "Map", show };
+  return { id: "map", label: RUN.map, show };
 }
 
 function historyOf(campaign: string, variant: string): Tab {
-  return { id: "history", label: "History", show: () => <HistoryOf {...{ campaign, variant }} /> };
+  return { id: "history", label: RUN.history, show: () => <HistoryOf {...{ campaign, variant }} /> };
 }
 
 function notebooksOf(target: Target): Tab {
   const { run: _, ...configuration } = target;
   const show = () => (
     <>
-      <Notebooks title="For this run" target={target} />
-      <Notebooks title="For its configuration" target={configuration} />
+      <Notebooks title={NOTEBOOKS.ofRun} target={target} />
+      <Notebooks title={NOTEBOOKS.ofConfiguration} target={configuration} />
     </>
   );
-  return { id: "notebooks", label: "Notebooks", show };
+  return { id: "notebooks", label: RUN.notebooks, show };
 }
 
 function Parameters({ data }: { data: RunDetails }) {
@@ -265,11 +266,11 @@ function Parameters({ data }: { data: RunDetails }) {
           <Pairs rows={rows} />
         </>
       ) : (
-        <p class="hint">No scenario parameter was set.</p>
+        <p class="hint">{RUN.noParameters}</p>
       )}
       {Object.keys(data.sysinfo).length > 0 && (
         <>
-          <h2>Machine</h2>
+          <h2>{RUN.machine}</h2>
           <Pairs rows={Object.entries(data.sysinfo).flatMap(flat)} />
         </>
       )}
@@ -312,26 +313,26 @@ function UsageOf({ path }: { path: string }) {
   const curves = useMemo(() => {
     if (!data) return null;
     const start = data.time[0] ?? 0;
-    const x = { label: "time [s]", values: data.time.map((time) => time - start) };
+    const x = { label: RUN.time, values: data.time.map((time) => time - start) };
     return {
       x,
-      cpu: [{ label: "CPU [%]", values: data.cpu }],
-      memory: [{ label: "memory", values: data.memory }],
+      cpu: [{ label: RUN.cpuInPercent, values: data.cpu }],
+      memory: [{ label: RUN.memory, values: data.memory }],
     };
   }, [data]);
   const name = path.split("/").at(-1)!.replace(/^resource_usage_?|\.csv$/g, "");
   if (!curves) return <Waiting error={error} />;
-  if (!curves.x.values.length) return <p class="hint">Nothing was recorded for {name}.</p>;
+  if (!curves.x.values.length) return <p class="hint">{RUN.noUsage(name)}</p>;
   return (
     <section>
       <h2>
-        Container {name}{" "}
+        {RUN.container(name)}{" "}
         <a class="button" href={fileAddress(path)} download>
-          Save CSV
+          {COMMON.saveCsv}
         </a>
       </h2>
-      <Plot label="CPU" {...curves} curves={curves.cpu} format={(v) => `${count(Math.round(v))} %`} fromZero height={180} />
-      <Plot label="Memory" {...curves} curves={curves.memory} format={bytes} fromZero height={180} />
+      <Plot label={RUN.cpu} {...curves} curves={curves.cpu} format={(v) => `${count(Math.round(v))} %`} fromZero height={180} />
+      <Plot label={RUN.memory} {...curves} curves={curves.memory} format={bytes} fromZero height={180} />
     </section>
   );
 }
@@ -360,8 +361,8 @@ function Pictures({ files }: { files: FileEntry[] }) {
 function Files({ data }: { data: RunDetails }) {
   return (
     <>
-      <FileList title="Run" files={data.files} origins={data.origins} />
-      {data.job_files.length > 0 && <FileList title="Job" files={data.job_files} origins={[]} />}
+      <FileList title={RUN.ofRun} files={data.files} origins={data.origins} />
+      {data.job_files.length > 0 && <FileList title={RUN.ofJob} files={data.job_files} origins={[]} />}
     </>
   );
 }
@@ -380,15 +381,15 @@ function FileList({ title, files, origins }: FileListProps) {
       <div class="tools">
         <Export name={`files-${title.toLowerCase()}`} rows={() => [["file", "bytes"], ...files.map((file) => [file.name, file.size])]} />
       </div>
-      <div class="scroll" tabIndex={0} role="region" aria-label={`Files of the ${title.toLowerCase()}`}>
+      <div class="scroll" tabIndex={0} role="region" aria-label={RUN.filesOf(title)}>
         <table class="plain">
           <thead>
             <tr>
-              <th>File</th>
-              <th class="number">Size</th>
-              {made.size > 0 && <th>Made by</th>}
+              <th>{RUN.file}</th>
+              <th class="number">{RUN.size}</th>
+              {made.size > 0 && <th>{RUN.createdBy}</th>}
               <th>
-                <span class="hidden">Open</span>
+                <span class="hidden">{RUN.open}</span>
               </th>
             </tr>
           </thead>
@@ -415,11 +416,11 @@ function FileList({ title, files, origins }: FileListProps) {
 }
 
 function Made({ origin }: { origin: RunDetails["origins"][number] | undefined }) {
-  if (!origin) return <td class="quiet">the run</td>;
+  if (!origin) return <td class="quiet">{RUN.theRun}</td>;
   return (
     <td>
       {origin.command}
-      {origin.sources.length > 0 && <span class="quiet"> from {origin.sources.join(", ")}</span>}
+      {origin.sources.length > 0 && <span class="quiet">{RUN.from(origin.sources)}</span>}
     </td>
   );
 }
@@ -433,8 +434,8 @@ function Opener({ file }: { file: FileEntry }) {
         : {};
   if (!Object.keys(target).length) return null;
   return (
-    <button type="button" onClick={() => choose(target, true)} aria-label={`Show ${file.name}`}>
-      Show
+    <button type="button" onClick={() => choose(target, true)} aria-label={RUN.showFile(file.name)}>
+      {COMMON.show}
     </button>
   );
 }

@@ -3,12 +3,13 @@ import { useMemo, useRef, useState } from "preact/hooks";
 import { address, type Columns } from "./api";
 import { show } from "./data";
 import { Field } from "./field";
-import { count, percent, plural } from "./format";
+import { percent } from "./format";
 import { useAnswer, type Answer } from "./live";
-import { Copy, Export, Select, Waiting, type Option } from "./parts";
+import { Copy, Export, Prose, Select, Waiting, type Option } from "./parts";
 import { Plot } from "./plot";
 import { choose, link } from "./route";
 import { curveGroups, intervalText, usualAxes, type Critical, type Dimension, type MapAnswer, type SearchAnswer, type SetsAnswer } from "./search-data";
+import { COMMON, SEARCH } from "./text";
 
 /** Runs beyond what is stored that are offered, as a share of it. */
 const MORE = 0.5;
@@ -34,16 +35,16 @@ export function SearchView({ data, query }: { data: Columns; query: URLSearchPar
 function Status({ search, data }: { search: SearchAnswer; data: Columns }) {
   const isRunning = data.summary.state === "running";
   const reason = search.ended?.reason.replace(`${search.ended.kind}: `, "").replace(/\.$/, "");
-  const state = reason ? `Ended: ${reason}.` : isRunning ? "Under way." : "Not at its end.";
+  const state = reason ? SEARCH.finished(reason) : isRunning ? SEARCH.running : SEARCH.unfinished;
   const version = search.proposed.at(-1)?.[2];
   return (
     <>
       <p class="search-state">
-        <strong>{state}</strong> {plural(search.evaluated, "set")} evaluated in {count(search.batches)} {search.batches === 1 ? "batch" : "batches"}
-        {search.left_out > 0 && `, ${count(search.left_out)} left out`}. Proposed by <code>{search.strategy}</code>
-        {version && ` of RoboVAST ${version}`}, seed {search.seed}.
+        <strong>{state}</strong> {SEARCH.evaluated(search.evaluated, search.batches, search.left_out)} {SEARCH.strategy}{" "}
+        <code>{search.strategy}</code>
+        {SEARCH.version(version, search.seed)}
       </p>
-      <ul class="criteria" aria-label="What ends the search">
+      <ul class="criteria" aria-label={SEARCH.criteria}>
         {search.criteria.map(({ kind, label, current, limit, fired }, index) => (
           <li key={index} class={fired ? "fired" : undefined} title={kind}>
             {label} <b>{current === null ? "–" : show(Number(current.toPrecision(4)))}</b> / {show(limit)}
@@ -52,7 +53,7 @@ function Status({ search, data }: { search: SearchAnswer; data: Columns }) {
       </ul>
       {!search.built_in && (
         <p class="hint">
-          <code>{search.strategy}</code> is code that this page does not execute; <code>vast results search</code> does.
+          <Prose text={SEARCH.custom} />
         </p>
       )}
     </>
@@ -90,19 +91,19 @@ function Found({ search, data, query }: FoundProps) {
   return (
     <>
       <div class="tools">
-        <Select label="Across" value={x} options={options} onChoose={(across) => choose({ across })} />
-        <Select label="Up" value={y} options={options} onChoose={(down) => choose({ down })} />
+        <Select label={COMMON.across} value={x} options={options} onChoose={(across) => choose({ across })} />
+        <Select label={SEARCH.up} value={y} options={options} onChoose={(down) => choose({ down })} />
         {isMap && (
           <Select
-            label="Colour"
+            label={COMMON.color}
             value={query.get("shade") ?? ""}
-            options={[["", "failure rate"], ["unsure", "width of its interval"]]}
+            options={[["", COMMON.failureRate], ["unsure", SEARCH.width]]}
             onChoose={(shade) => choose({ shade })}
           />
         )}
         <span class={`legend ${unsure ? "measure" : "rate"}`}>
-          {isMap ? (unsure ? "sure" : "0 %") : `${objective} ${show(Number(scale[0].toPrecision(3)))}`} <span class="ramp" aria-hidden="true" />{" "}
-          {isMap ? (unsure ? "unsure" : "100 %") : show(Number(scale[1].toPrecision(3)))}
+          {isMap ? (unsure ? SEARCH.certain : percent(0)) : `${objective} ${show(Number(scale[0].toPrecision(3)))}`} <span class="ramp" aria-hidden="true" />{" "}
+          {isMap ? (unsure ? SEARCH.uncertain : percent(1)) : show(Number(scale[1].toPrecision(3)))}
         </span>
         {sets.data && <Export name={`${name}-sets`} rows={() => exported(search, data, sets.data!)} />}
       </div>
@@ -112,7 +113,7 @@ function Found({ search, data, query }: FoundProps) {
         <div>
           {sets.data ? (
             <Field
-              label={`${search.evaluated} parameter sets over ${x} and ${y}`}
+              label={SEARCH.field(search.evaluated, x, y)}
               sets={sets.data}
               map={isMap ? map.data : null}
               isLate={isMap && map.isLate}
@@ -122,10 +123,10 @@ function Found({ search, data, query }: FoundProps) {
           ) : (
             sets.error === null && <Waiting error={null} />
           )}
-          {isMap && map.isLate && map.error === null && <Waiting error={null} what={map.data ? "The map of this place is computed …" : "The map is computed …"} />}
+          {isMap && map.isLate && map.error === null && <Waiting error={null} what={SEARCH.computing(!map.data)} />}
           {isMap && map.data && !map.isLate && (
             <p class="quiet note">
-              The solid line is where the failure rate is {percent(map.data.level)}; the broken and the dotted one, where the ends of its 95 % interval are.
+              {SEARCH.lines(map.data.level)}
             </p>
           )}
         </div>
@@ -161,9 +162,9 @@ function useKept<T>(answer: Answer<T>, kind: string): Answer<T> & { isLate: bool
 
 function optionsOf(search: SearchAnswer): Option[] {
   return [
-    ...search.dimensions.map(({ name }): Option => [name, name, "Parameters"]),
-    ...search.objectives.map(({ name }): Option => [name, name, "Objectives"]),
-    ...search.measures.map((name): Option => [name, name, "Measures"]),
+    ...search.dimensions.map(({ name }): Option => [name, name, SEARCH.parameters]),
+    ...search.objectives.map(({ name }): Option => [name, name, SEARCH.objectives]),
+    ...search.measures.map((name): Option => [name, name, SEARCH.measures]),
   ];
 }
 
@@ -181,8 +182,8 @@ function description(search: SearchAnswer, data: Columns, sets: SetsAnswer, set:
     .filter(([, value]) => value !== undefined)
     .map(([name, value]) => `${name} ${show(value)}`);
   const [, told, version, strategy] = search.proposed[batch]!;
-  const rate = `${search.objectives[0]!.name} ${show(Number(sets.value[set]!.toPrecision(3)))} of ${plural(sets.runs[set]!, "run")}`;
-  return [config, rate, ...values, `batch ${batch}`, `${strategy} ${version}, knowing ${plural(told, "evaluation")}`].join(" · ");
+  const rate = SEARCH.objective(search.objectives[0]!.name, show(Number(sets.value[set]!.toPrecision(3))), sets.runs[set]!);
+  return [config, rate, ...values, SEARCH.batch(batch), SEARCH.proposed(strategy, version, told)].join(" · ");
 }
 
 function exported(search: SearchAnswer, data: Columns, sets: SetsAnswer): unknown[][] {
@@ -207,10 +208,11 @@ function Shares({ search }: { search: SearchAnswer }) {
   if (share === null || low === null || high === null) return null;
   return (
     <>
-      <h2>How much fails</h2>
+      <h2>{SEARCH.failing}</h2>
       <p class="share">
-        <strong>{percent(share)}</strong> of the space, {percent(low)} to {percent(high)}
-        {wrong !== null && <span class="quiet">; {percent(wrong)} of the space may be judged wrongly</span>}
+        <strong>{percent(share)}</strong>
+        {SEARCH.ofSpace(low, high)}
+        {wrong !== null && <span class="quiet">{SEARCH.misjudged(wrong)}</span>}
       </p>
     </>
   );
@@ -229,7 +231,7 @@ function Place({ search, at, setAt, axes, values }: PlaceProps) {
   const dimensions = search.dimensions.filter(({ ticks }) => ticks.length > 1);
   return (
     <>
-      <h2>Where the others are</h2>
+      <h2>{SEARCH.others}</h2>
       <div class="place-of">
         {dimensions.map((dimension) => (
           <Slider
@@ -237,7 +239,7 @@ function Place({ search, at, setAt, axes, values }: PlaceProps) {
             dimension={dimension}
             place={at[dimension.name] ?? 0.5}
             value={valueAt(values, dimension.name)}
-            remark={axes.includes(dimension.name) ? "for critical values" : ""}
+            remark={axes.includes(dimension.name) ? SEARCH.forCritical : ""}
             onChange={(place) => setAt({ ...at, [dimension.name]: place })}
           />
         ))}
@@ -299,16 +301,16 @@ function CriticalValues({ found, name }: { found: Critical[]; name: string }) {
   const number = (value: number | null) => (value === null ? "–" : show(Number(value.toPrecision(3))));
   return (
     <>
-      <h2>Critical values</h2>
-      <div class="scroll" tabIndex={0} role="region" aria-label="Critical values">
+      <h2>{SEARCH.critical}</h2>
+      <div class="scroll" tabIndex={0} role="region" aria-label={SEARCH.critical}>
         <table class="plain">
           <thead>
             <tr>
-              <th scope="col">Parameter</th>
-              <th scope="col" class="number">Critical</th>
-              <th scope="col" class="number">95 % interval</th>
-              <th scope="col">Above it</th>
-              <th scope="col" class="number">Has one</th>
+              <th scope="col">{SEARCH.parameter}</th>
+              <th scope="col" class="number">{SEARCH.value}</th>
+              <th scope="col" class="number">{COMMON.interval}</th>
+              <th scope="col">{SEARCH.above}</th>
+              <th scope="col" class="number">{SEARCH.crossing}</th>
             </tr>
           </thead>
           <tbody>
@@ -339,15 +341,15 @@ function CriticalValues({ found, name }: { found: Critical[]; name: string }) {
 function Progress({ search }: { search: SearchAnswer }) {
   const batches = search.report.batch ?? [];
   const groups = useMemo(() => curveGroups(search.report), [search]);
-  const x = useMemo(() => ({ label: "batch", values: batches }), [search]);
+  const x = useMemo(() => ({ label: SEARCH.batches, values: batches }), [search]);
   const curves = useMemo(
     () => groups.map((group) => group.map((label) => ({ label, values: search.report[label]! }))),
     [search],
   );
-  if (!batches.length) return <p class="hint">No batch is scored yet.</p>;
+  if (!batches.length) return <p class="hint">{SEARCH.noBatch}</p>;
   return (
     <section aria-labelledby="progress">
-      <h2 id="progress">Progress</h2>
+      <h2 id="progress">{SEARCH.progress}</h2>
       <div class="curves">
       {curves.map((group) => (
         <div key={group[0]!.label}>
@@ -363,14 +365,14 @@ function Progress({ search }: { search: SearchAnswer }) {
 function LeftOut({ search, data }: { search: SearchAnswer; data: Columns }) {
   return (
     <details>
-      <summary>{plural(search.left_out, "set")} left out: without a score</summary>
+      <summary>{SEARCH.skipped(search.left_out)}</summary>
       <ul>
         {search.errors.map(([config, error]) => (
           <li key={config}>
             <a href={link(["campaign", data.summary.name, config, 0])}>{config}</a> {error}
           </li>
         ))}
-        {search.left_out > search.errors.length && <li class="quiet">and {count(search.left_out - search.errors.length)} more</li>}
+        {search.left_out > search.errors.length && <li class="quiet">{COMMON.andMore(search.left_out - search.errors.length)}</li>}
       </ul>
     </details>
   );
@@ -385,10 +387,10 @@ function More({ search }: { search: SearchAnswer }) {
   const command = search.more.join(String(batches));
   return (
     <>
-      <h2>Run more here</h2>
+      <h2>{SEARCH.more}</h2>
       <div class="tools">
         <label class="choice">
-          Batches in all
+          {SEARCH.total}
           <input
             type="number"
             min={search.batches + 1}
@@ -398,11 +400,11 @@ function More({ search }: { search: SearchAnswer }) {
         </label>
       </div>
       <div class="command">
-        <span id="more">Continue</span>
+        <span id="more">{SEARCH.command}</span>
         <code tabIndex={0} aria-labelledby="more">
           {command}
         </code>
-        <Copy text={command} label="Copy" />
+        <Copy text={command} />
       </div>
     </>
   );

@@ -4,31 +4,27 @@ import { useEffect, useMemo, useState } from "preact/hooks";
 import { address, post, type Offer } from "./api";
 import { factors, order, show } from "./data";
 import { chosen, type Variants } from "./expansion";
-import { plural } from "./format";
+
 import { Grid } from "./grid";
 import { Progress, Refusal, useStarter } from "./launched";
 import { useAnswer, useLaunch } from "./live";
 import { Export, Select, Waiting } from "./parts";
 import { choose, link } from "./route";
+import { COMMON, START } from "./text";
 
-const RUNTIMES: [string, string][] = [
-  ["", "the first that is here"],
-  ["docker", "Docker"],
-  ["podman", "Podman"],
-  ["process", "plain processes"],
-];
+
 export function StartPage({ query }: { query: URLSearchParams }) {
   const { data: offer, error } = useAnswer<Offer>(address(["offer"]));
   const launched = useLaunch();
-  if (!offer) return <Waiting error={error} title="Run a campaign" />;
+  if (!offer) return <Waiting error={error} title={START.title} />;
   const progress = launched && <Progress key={launched.launch.number} launched={launched} />;
   return (
     <>
       <div class="head">
-        <h1>Run a campaign</h1>
+        <h1>{START.title}</h1>
         {offer.document ? (
           <p class="quiet">
-            on this machine, of <code>{offer.document}</code>
+            {START.from} <code>{offer.document}</code>
           </p>
         ) : (
           <p class="hint">{offer.refusal}</p>
@@ -59,36 +55,36 @@ function Choices({ offer, query, children }: ChoicesProps) {
     <>
       <div class="tools">
         <label class="choice">
-          Configurations
+          {COMMON.configurations}
           <input
             type="search"
             value={config}
-            placeholder="all; or a name, or a glob as hall-*"
+            placeholder={START.placeholder}
             onInput={(event) => choose({ config: event.currentTarget.value })}
           />
         </label>
-        <Count label="Runs of each" name="runs" query={query} otherwise={String(offer.runs)} />
-        <Count label="Side by side" name="jobs" query={query} otherwise="auto" />
+        <Count label={START.runs} name="runs" query={query} otherwise={String(offer.runs)} />
+        <Count label={START.jobs} name="jobs" query={query} otherwise="auto" />
         <Select
-          label="Runtime"
+          label={START.runtime}
           value={query.get("runtime") ?? ""}
-          options={RUNTIMES}
+          options={START.runtimes}
           onChoose={(runtime) => choose({ runtime })}
         />
       </div>
-      <Starter query={query} what={variants && `${plural(rows.length, "configuration")}, ${plural(rows.length * runs, "run")}`} />
+      <Starter query={query} what={variants && START.selection(rows.length, rows.length * runs)} />
       {children}
-      <h2>Configurations</h2>
+      <h2>{COMMON.configurations}</h2>
       {fault && (
         <p class="error" role="alert">
           {fault}
         </p>
       )}
       {variants && <Expansion {...{ variants, rows, query }} />}
-      {!variants && !fault && <p class="loading">The document is being expanded …</p>}
+      {!variants && !fault && <p class="loading">{START.expanding}</p>}
       {(variants || fault) && (
         <button type="button" onClick={readAgain}>
-          Read the document again
+          {START.reload}
         </button>
       )}
     </>
@@ -148,10 +144,10 @@ function Starter({ query, what }: StarterProps) {
           disabled={busy}
           onClick={() => start(address(["start"], Object.fromEntries(query)))}
         >
-          Run
+          {START.run}
         </button>
         <span class="quiet" role="status">
-          {busy ? "One campaign at a time can be run from here." : what}
+          {busy ? START.busy : what}
         </span>
       </p>
       <Refusal text={refusal} />
@@ -175,7 +171,7 @@ function Expansion({ variants, rows, query }: ExpansionProps) {
     return sort ? rows.toSorted((a, b) => sign * order(keys[a], keys[b])) : rows;
   }, [rows, sort]);
   const only = (row: number) => ({ ...Object.fromEntries(query), config: variants.name[row]! });
-  if (!rows.length) return <p class="hint">No configuration has a name like that.</p>;
+  if (!rows.length) return <p class="hint">{START.noMatch}</p>;
   return (
     <>
       <div class="tools">
@@ -188,13 +184,13 @@ function Expansion({ variants, rows, query }: ExpansionProps) {
         />
       </div>
       <Grid
-        label="Configurations"
+        label={COMMON.configurations}
         rows={shown}
         sort={sort}
         onSort={(next) => choose({ sort: next })}
         open={(row) => choose({ config: variants.name[row]! })}
         columns={[
-          { id: "name", label: "Name", cell: (row) => <a href={link(["start"], only(row))}>{variants.name[row]}</a> },
+          { id: "name", label: START.name, cell: (row) => <a href={link(["start"], only(row))}>{variants.name[row]}</a> },
           ...names.map((name) => ({
             id: `p:${name}`,
             label: name,

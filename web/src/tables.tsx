@@ -2,12 +2,13 @@
 import { useMemo } from "preact/hooks";
 import { address, fileAddress, type FileEntry, type Table } from "./api";
 import { show } from "./data";
-import { plural } from "./format";
+
 import { useAnswer } from "./live";
 import { Overlay, pathIn, type Family } from "./overlay";
 import { Select, Waiting } from "./parts";
 import { Plot, type Curve } from "./plot";
 import { choose } from "./route";
+import { COMMON, TABLES } from "./text";
 import { isTime, sinceStart } from "./times";
 
 const CURVES = 4;
@@ -34,7 +35,7 @@ export function Tables({ files, query, start, family }: TablesProps) {
     <>
       <div class="tools">
         <Select
-          label="Table"
+          label={TABLES.table}
           value={path}
           options={options}
           onChoose={(table) => choose({ table, columns: "", over: "" })}
@@ -44,14 +45,14 @@ export function Tables({ files, query, start, family }: TablesProps) {
           <button
             type="button"
             aria-pressed={everyone}
-            title="The same columns of all runs of this configuration"
+            title={TABLES.allRunsTitle}
             onClick={() => choose({ everyone: everyone ? "" : "1" })}
           >
-            All runs
+            {COMMON.allRuns}
           </button>
         )}
         <a class="button" href={fileAddress(path)} download>
-          Save CSV
+          {COMMON.saveCsv}
         </a>
       </div>
       {data ? <Drawn {...{ data, x, columns, start, path }} family={everyone ? family : null} /> : <Waiting error={error} />}
@@ -102,15 +103,15 @@ function Choices({ data, x, columns }: { data: Table; x: string; columns: string
   return (
     <>
       <Select
-        label="Over"
+        label={TABLES.over}
         value={over}
         options={options}
         onChoose={(value) => choose({ over: value, columns: drawn.join("\n") })}
       />
       <details class="menu">
-        <summary>Columns</summary>
+        <summary>{TABLES.columns}</summary>
         <fieldset>
-          <legend class="hidden">Columns to draw</legend>
+          <legend class="hidden">{TABLES.columnsToPlot}</legend>
           {data.names.map((name) => (
             <label key={name}>
               <input type="checkbox" checked={drawn.includes(name)} onChange={() => toggle(name)} />
@@ -144,12 +145,11 @@ function Drawn({ data, x, columns, start, path, family }: DrawnProps) {
   return (
     <>
       {family && <Overlay {...{ family, path, data, over, drawn, start }} />}
-      {!family && data.rows > 1 && curves.length > 0 && <Plot label="Columns of the table" x={axis} curves={curves} />}
+      {!family && data.rows > 1 && curves.length > 0 && <Plot label={TABLES.plot} x={axis} curves={curves} />}
       <p class="quiet">
-        {plural(data.rows, "row")}
-        {data.stride > 1 && `, every ${data.stride}th is shown`}, {plural(data.names.length, "column")}
+        {TABLES.size(data.rows, data.names.length, data.stride)}
       </p>
-      <div class="scroll" tabIndex={0} role="region" aria-label="First rows of the table">
+      <div class="scroll" tabIndex={0} role="region" aria-label={TABLES.firstRows}>
         <table class="plain">
           <thead>
             <tr>
@@ -185,6 +185,6 @@ export function sortedCurves(data: Table, over: string, drawn: string[], start: 
     label,
     values: places.map((place) => (typeof values[place] === "number" ? values[place] : null)),
   });
-  const label = isTime(over) ? "time since the start [s]" : over;
+  const label = isTime(over) ? TABLES.time : over;
   return [column(label, x), drawn.map((name) => column(name, data.columns[name] ?? []))];
 }

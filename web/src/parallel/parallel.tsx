@@ -3,10 +3,11 @@ import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Columns } from "../api";
 import { brief, others, type Run, type Shown } from "../data";
 import { namesAsOptions } from "../factors";
-import { percent } from "../format";
+
 import type { Option } from "../parts";
 import { Pick } from "../pick";
 import { choose, joined, split } from "../route";
+import { COMMON, GROUPS, PARALLEL } from "../text";
 import { axisAt, drawAxes, drawLine, drawLines, placeAt, type Colours, type Frame, type Lines } from "./paint";
 import {
   inBrush,
@@ -57,15 +58,15 @@ export function Parallel({ data, runs, names, measure, axes, brush }: ParallelPr
   const parameters = useMemo(() => namesAsOptions(data, names, others(data)), [data, names]);
   const options: Option[] = [
     ...parameters.map(([name, text, group]): Option => [`p:${name}`, text, group]),
-    ["duration", "mean duration [s]", "Results"],
-    ...(measure ? [["measure", `mean ${measure.name}`, "Results"] as Option] : []),
-    ["rate", "failure rate", "Results"],
+    ["duration", COMMON.meanDuration, GROUPS.results],
+    ...(measure ? [["measure", COMMON.mean(measure.name), GROUPS.results] as Option] : []),
+    ["rate", COMMON.failureRate, GROUPS.results],
   ];
   return (
     <>
       <div class="tools">
         <Pick
-          label="Axes"
+          label={PARALLEL.axes}
           text={String(scales.length)}
           several
           options={options}
@@ -74,11 +75,11 @@ export function Parallel({ data, runs, names, measure, axes, brush }: ParallelPr
           onReset={() => choose({ axes: "", brush: "" })}
         />
         <span class="quiet">
-          Drag along an axis to list only the configurations there, a name to move its axis (or ← and →).
+          {PARALLEL.hint}
         </span>
       </div>
       {scales.length > 0 && <Chart {...{ data, found, scales, brush }} onMove={(id, to) => set(moved(shown, id, to))} />}
-      {scales.length === 0 && <p class="hint">No axis is chosen.</p>}
+      {scales.length === 0 && <p class="hint">{PARALLEL.none}</p>}
     </>
   );
 }
@@ -140,9 +141,9 @@ function Chart({ data, found, scales, brush, onMove }: ChartProps) {
     choose({ brush: writeBrush(chosen) });
   };
   const open = () => drag === null && hovered >= 0 && choose({ q: `variant=${data.variants.name[hovered]}` });
-  const text = `Parallel coordinates of ${found.variants.length} configurations over ${scales.map((s) => s.label).join(", ")}`;
+  const text = PARALLEL.chart(found.variants.length, scales.map((s) => s.label));
   return (
-    <div class="scroll" tabIndex={0} role="region" aria-label="Parallel coordinates">
+    <div class="scroll" tabIndex={0} role="region" aria-label={PARALLEL.label}>
       <div class="parallel" style={{ minWidth: `${AXIS * scales.length}px`, "--axes": scales.length }}>
         {scales.map((scale, index) => (
           <Name key={scale.id} {...{ scale, index }} room={width / scales.length} onMove={(to) => onMove(scale.id, to)} />
@@ -196,7 +197,7 @@ function Name({ scale, index, room, onMove }: { scale: Scale; index: number; roo
     <button
       type="button"
       class="axis"
-      title={`${scale.label}: drag it, or ← and →, to move the axis`}
+      title={PARALLEL.move(scale.label)}
       style={by ? { transform: `translateX(${by}px)` } : undefined}
       onKeyDown={keyed}
       onPointerDown={(event) => {
@@ -217,7 +218,7 @@ function About({ data, found, scales, variant }: { data: Columns; found: Outcome
   const value = ({ id }: Scale) => brief(data.variants.values[id.slice(2)]![variant]);
   return (
     <>
-      <b>{data.variants.name[variant]}</b> {percent(found.rate[variant]!)} not passed
+      <b>{data.variants.name[variant]}</b> {PARALLEL.rate(found.rate[variant]!)}
       {values.map((scale) => ` · ${scale.label} ${value(scale)}`).join("")}
     </>
   );

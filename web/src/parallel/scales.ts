@@ -1,6 +1,7 @@
 // The axes of parallel coordinates: where each configuration lies on them. Pure functions.
 import type { Columns } from "../api";
 import { brief, order, show, titled, verdictOf, type Run, type Shown } from "../data";
+import { COMMON } from "../text";
 
 /** A parameter is an axis `p:name`; these are what came of the configurations. */
 export const RESULTS = ["duration", "measure", "rate"] as const;
@@ -73,9 +74,9 @@ class Mean {
 
 /** The axis of an address, or null: the campaign may be another one. */
 export function scaleOf(data: Columns, found: Outcomes, id: string, measure: Shown | null): Scale | null {
-  if (id === "rate") return numberScale(id, "failure rate", found.rate);
-  if (id === "duration") return numberScale(id, "mean duration [s]", found.duration);
-  if (id === "measure") return measure && numberScale(id, `mean ${measure.name}`, found.measure);
+  if (id === "rate") return numberScale(id, COMMON.failureRate, found.rate);
+  if (id === "duration") return numberScale(id, COMMON.meanDuration, found.duration);
+  if (id === "measure") return measure && numberScale(id, COMMON.mean(measure.name), found.measure);
   const name = id.slice(2);
   if (!id.startsWith("p:") || !Object.hasOwn(data.variants.values, name)) return null;
   return parameterScale(id, titled(data, name), data.variants.values[name]!);

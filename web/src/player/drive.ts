@@ -1,5 +1,6 @@
 // A recorded drive: what is known of it so far, and what it was like at a moment.
 import { address, ask, askFiles, type Verdict } from "../api";
+import { PLAYER } from "../text";
 
 export type Point = [number, number];
 
@@ -337,7 +338,7 @@ export class Drive {
   }
 
   private conclude(): void {
-    if (stoodStill(this.track)) this.remarks.add("The robot never moved more than 5 cm.");
+    if (stoodStill(this.track)) this.remarks.add(PLAYER.stoodStill);
     if (this.answer.overview?.topics.pose && this.track.times.length === 0) {
       this.remarks.add(`${this.answer.overview.topics.pose} has no pose that can be shown.`);
     }

@@ -2,10 +2,11 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { address, type Columns } from "../api";
 import { variantOf, verdictOf, type Run } from "../data";
-import { plural } from "../format";
+
 import { useAnswer } from "../live";
 import { Mark } from "../parts";
 import { link } from "../route";
+import { COMMON, FAILURE_MAP } from "../text";
 import { boxOf, fitting, wallsOf, type Box, type Camera, type Size } from "./camera";
 import type { Ground, Point } from "./drive";
 import { coloursOf, drawStill, inMetres, pictureOf } from "./paint";
@@ -46,13 +47,13 @@ export function FailureMaps({ data, runs }: { data: Columns; runs: Run[] }) {
   if (!maps.length) return null;
   return (
     <>
-      <h2>Where runs fail</h2>
+      <h2>{FAILURE_MAP.title}</h2>
       <div class="failure-maps">
         {maps.slice(0, MOST_MAPS).map(([ground, failures]) => (
           <FailureMap key={ground} {...{ data, failures }} ground={ground === null ? null : answer.grounds[ground]!} />
         ))}
       </div>
-      {maps.length > MOST_MAPS && <p class="quiet">{plural(maps.length - MOST_MAPS, "more map")} with fewer failures.</p>}
+      {maps.length > MOST_MAPS && <p class="quiet">{FAILURE_MAP.more(maps.length - MOST_MAPS)}</p>}
     </>
   );
 }
@@ -90,7 +91,7 @@ function FailureMap({ data, ground, failures }: FailureMapProps) {
   const open = spots.find((spot) => spot.key === chosen);
   return (
     <div>
-      <div class="failure-map" role="group" aria-label={`Map with ${plural(failures.length, "failure")}`}>
+      <div class="failure-map" role="group" aria-label={FAILURE_MAP.map(failures.length)}>
         <canvas ref={canvas} aria-hidden="true" />
         {view &&
           spots.map((spot) => (
@@ -98,7 +99,7 @@ function FailureMap({ data, ground, failures }: FailureMapProps) {
           ))}
       </div>
       {open && (
-        <ul class="spot-runs" aria-label="Runs that failed there">
+        <ul class="spot-runs" aria-label={FAILURE_MAP.runs}>
           {open.runs.slice(0, MOST_LISTED).map((run) => (
             <li key={run}>
               <a href={runLink(data, run)}>
@@ -107,7 +108,7 @@ function FailureMap({ data, ground, failures }: FailureMapProps) {
               <Mark verdict={verdictOf(data, run)} /> <span class="quiet">{data.reasons[data.runs.reason[run]!]}</span>
             </li>
           ))}
-          {open.runs.length > MOST_LISTED && <li class="quiet">and {open.runs.length - MOST_LISTED} more</li>}
+          {open.runs.length > MOST_LISTED && <li class="quiet">{COMMON.andMore(open.runs.length - MOST_LISTED)}</li>}
         </ul>
       )}
     </div>
@@ -133,16 +134,16 @@ function SpotMark({ data, spot, view: { camera, size }, isChosen, onChoose }: Sp
     left: `${size.width / 2 + (spot.x - camera.x) * camera.scale}px`,
     top: `${size.height / 2 - (spot.y - camera.y) * camera.scale}px`,
   };
-  const place = `at ${spot.x.toFixed(1)}, ${spot.y.toFixed(1)}`;
+  const failures = FAILURE_MAP.failures(spot.runs.length, spot.x, spot.y);
   if (spot.runs.length > 1) {
     return (
-      <button type="button" class="spot" style={style} aria-pressed={isChosen} aria-label={`${spot.runs.length} failures ${place}`} onClick={onChoose}>
+      <button type="button" class="spot" style={style} aria-pressed={isChosen} aria-label={failures} onClick={onChoose}>
         {spot.runs.length}
       </button>
     );
   }
   const run = spot.runs[0]!;
-  const name = `1 failure ${place}: ${variantOf(data, run)}/${data.runs.number[run]}`;
+  const name = `${failures}: ${variantOf(data, run)}/${data.runs.number[run]}`;
   return (
     <a class="spot" style={style} href={runLink(data, run)} aria-label={name} title={name}>
       1

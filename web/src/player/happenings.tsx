@@ -1,5 +1,6 @@
 // Log messages and behaviours of a drive: on its time line, and as a list.
 import { useEffect, useRef } from "preact/hooks";
+import { PLAYER } from "../text";
 import { lastUpTo, type Drive, type Happening } from "./drive";
 
 const HEIGHT = 26;
@@ -70,7 +71,7 @@ export function Happenings({ drive, time, onSeek }: HappeningsProps) {
     const current = frame?.querySelector<HTMLElement>("[aria-current]");
     if (frame && current) frame.scrollTop = current.offsetTop - frame.clientHeight / 2;
   }, [now]);
-  if (events.length === 0) return <p class="hint">{drive.isComplete ? "No log message and no behaviour was recorded." : "Nothing happened yet."}</p>;
+  if (events.length === 0) return <p class="hint">{drive.isComplete ? PLAYER.noEvents : PLAYER.notYet}</p>;
   return (
     <ol class="happenings" ref={list}>
       {shown.map((event, i) => {
@@ -78,7 +79,7 @@ export function Happenings({ drive, time, onSeek }: HappeningsProps) {
         return (
           <li key={`${begin + i}`} class={level}>
             <button type="button" aria-current={begin + i === now ? "time" : undefined} onClick={() => onSeek(at)}>
-              <span class="at">{at.toFixed(2)} s</span> <span class="node">{source}</span>{" "}
+              <span class="at">{PLAYER.at(at)}</span> <span class="node">{source}</span>{" "}
               <span>
                 {level === "info" || text.toLowerCase() === level ? "" : `${level}: `}
                 {text}

@@ -2,10 +2,11 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { address, type Columns, type Verdict } from "../api";
 import { variantOf, verdictOf, type Run } from "../data";
-import { count, percent } from "../format";
+
 import { useAnswer } from "../live";
-import { Waiting } from "../parts";
+import { Prose, Waiting } from "../parts";
 import { link } from "../route";
+import { MAPS } from "../text";
 import { extent, fitting, wallsOf, type Size } from "./camera";
 import type { DriveAnswer, Ground, Point } from "./drive";
 import { FailureMaps } from "./failure-map";
@@ -51,15 +52,14 @@ export function Maps({ data, runs }: { data: Columns; runs: Run[] }) {
   return (
     <>
       <p class="quiet">
-        A line is roughly the way of a run, with a cross where one ended that did not pass and a dot where one passed, as
-        far as <code>poses.csv</code> of the runs tells it.
+        <Prose text={MAPS.hint} />
       </p>
       <FailureMaps data={data} runs={runs} />
-      <h2>Configurations by how often they fail</h2>
+      <h2>{MAPS.title}</h2>
       {pages}
       {shown < groups.length && (
         <button type="button" onClick={() => setShown(shown + STEP)}>
-          More of {count(groups.length)} configurations
+          {MAPS.more(groups.length)}
         </button>
       )}
     </>
@@ -71,7 +71,7 @@ function Page({ data, groups }: { data: Columns; groups: Group[] }) {
   const { data: maps, error } = useAnswer<MapsAnswer>(address(["maps", name], { variant: groups.map((group) => group.name) }));
   if (!maps) return <Waiting error={error} />;
   if (!maps.grounds.length && maps.configurations.every(({ ways }) => !ways.length)) {
-    return <p class="hint">None of these configurations has a map, and no run's end is known.</p>;
+    return <p class="hint">{MAPS.none}</p>;
   }
   return (
     <ul class="maps">
@@ -106,7 +106,7 @@ function MapOf({ data, group, maps }: { data: Columns; group: Group; maps: MapsA
     <a href={link(["campaign", data.summary.name, group.name, data.runs.number[worst]!], { tab: "player", everyone: group.runs.length > 1 ? "1" : "" })}>
       <canvas ref={canvas} aria-hidden="true" />
       <span class="rated" style={{ "--share": `${(100 * share).toFixed(1)}%` }}>
-        {group.name}: {percent(share)} failed, {group.bad}/{group.runs.length}
+        {MAPS.thumbnail(group.name, share, group.bad, group.runs.length)}
       </span>
     </a>
   );

@@ -1,5 +1,6 @@
 // Draws drives on their map.
 import type { Verdict } from "../api";
+import { PLAYER } from "../text";
 import type { Camera, Size } from "./camera";
 import { GAP, lastUpTo, poseAt, type Drive, type Ground, type Still, type Point, type Pose, type Track } from "./drive";
 
@@ -356,5 +357,5 @@ export function drawBar(context: CanvasRenderingContext2D, camera: Camera, size:
   context.stroke();
   context.font = "12px system-ui, sans-serif";
   context.textBaseline = "bottom";
-  context.fillText(`${length} m`, 12, size.height - 16);
+  context.fillText(PLAYER.scale(length), 12, size.height - 16);
 }

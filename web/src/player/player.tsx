@@ -2,9 +2,10 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { address, ask, type Sibling } from "../api";
-import { plural } from "../format";
+
 import { Glyph, Select, Waiting } from "../parts";
 import { choose } from "../route";
+import { COMMON, PLAYER } from "../text";
 import { Drive, poseAt, speedAt, type DriveAnswer } from "./drive";
 import { Happenings, Marks } from "./happenings";
 import { Sight } from "./sight";
@@ -58,10 +59,10 @@ export function Player({ campaign, variant, run, siblings, query }: PlayerProps)
             <button
               type="button"
               aria-pressed={everyone}
-              title="The ways of all runs of this configuration, in the colours of their verdicts; a cross where one ended that did not pass"
+              title={PLAYER.allRunsTitle}
               onClick={() => choose({ everyone: everyone ? "" : "1" })}
             >
-              All runs
+              {COMMON.allRuns}
             </button>
           )}
         </>
@@ -154,10 +155,10 @@ function Other({ variant, run, siblings, chosen, apart }: OtherProps) {
   if (options.length === 0) return null;
   return (
     <>
-      <Select label="Compare with run" value={chosen} options={[["", "none"], ...options]} onChoose={(next) => choose({ with: next })} />
+      <Select label={PLAYER.compareWith} value={chosen} options={[["", PLAYER.none], ...options]} onChoose={(next) => choose({ with: next })} />
       {chosen && (
         <button type="button" aria-pressed={apart} onClick={() => choose({ show: apart ? "" : "apart" })}>
-          Side by side
+          {PLAYER.sideBySide}
         </button>
       )}
     </>
@@ -216,7 +217,7 @@ function Playback({ drives, others, version, names, apart, start, beside }: Play
   };
   const shown = apart ? drives.map((drive) => [drive]) : [drives];
   return (
-    <div class="player" role="region" aria-label="Player" tabIndex={0} onKeyDown={press}>
+    <div class="player" role="region" aria-label={PLAYER.label} tabIndex={0} onKeyDown={press}>
       <div class="scene">
         <div class="stages">
           {shown.map((group, i) => (
@@ -225,7 +226,7 @@ function Playback({ drives, others, version, names, apart, start, beside }: Play
               drives={group}
               others={others}
               first={i}
-              label={`${names.slice(i, i + group.length).join(" and ")} on the map`}
+              label={PLAYER.map(names.slice(i, i + group.length))}
               view={view}
               onView={setView}
               onReady={onReady}
@@ -238,8 +239,8 @@ function Playback({ drives, others, version, names, apart, start, beside }: Play
         <Marks drive={main} version={version} duration={duration} />
         <input
           type="range"
-          aria-label="Time"
-          aria-valuetext={`${time.toFixed(1)} of ${duration.toFixed(1)} seconds`}
+          aria-label={PLAYER.time}
+          aria-valuetext={PLAYER.timeText(time, duration)}
           min={0}
           max={duration}
           step={0.01}
@@ -250,26 +251,26 @@ function Playback({ drives, others, version, names, apart, start, beside }: Play
       </div>
       <div class="tools">
         <button type="button" class="primary" disabled={duration === 0} onClick={play}>
-          {playing ? "Pause" : "Play"}
+          {playing ? PLAYER.pause : PLAYER.play}
         </button>
         <Select
-          label="Speed"
+          label={PLAYER.speed}
           value={String(speed)}
           options={SPEEDS.map((one) => [String(one), `${one} ×`])}
           onChoose={(next) => setSpeed(Number(next))}
         />
-        <span class="buttons" role="group" aria-label="Picture">
-          <button type="button" aria-label="Zoom in" onClick={() => zoom(1.3)}>
+        <span class="buttons" role="group" aria-label={PLAYER.view}>
+          <button type="button" aria-label={PLAYER.zoomIn} onClick={() => zoom(1.3)}>
             +
           </button>
-          <button type="button" aria-label="Zoom out" onClick={() => zoom(1 / 1.3)}>
+          <button type="button" aria-label={PLAYER.zoomOut} onClick={() => zoom(1 / 1.3)}>
             −
           </button>
           <button type="button" onClick={() => setView({ camera: null, follow: false })}>
-            Show all
+            {PLAYER.showAll}
           </button>
           <button type="button" aria-pressed={view.follow} onClick={() => setView({ ...view, follow: !view.follow })}>
-            Follow
+            {PLAYER.follow}
           </button>
         </span>
         {beside}
@@ -283,11 +284,9 @@ function Playback({ drives, others, version, names, apart, start, beside }: Play
       <Lacks drives={drives} names={names} />
       <Happenings drive={main} time={time} onSeek={seek} />
       <details>
-        <summary>Keys</summary>
+        <summary>{PLAYER.keys}</summary>
         <p>
-          Space plays and pauses; ← and → go a second, with Shift ten, comma and full stop a tenth; Home and End go to
-          the ends; + and − zoom, 0 shows all, f follows the robot; [ and ] change the speed. The mouse moves the
-          picture; its wheel zooms while the player has the focus, or with Ctrl.
+          {PLAYER.keysText}
         </p>
       </details>
     </div>
@@ -359,7 +358,7 @@ interface SightsProps {
 
 /** What the cameras of the robots see. */
 function Sights({ drives, names, onReady }: SightsProps) {
-  const label = (i: number) => `What the camera of ${names[i]} sees`;
+  const label = (i: number) => PLAYER.camera(names[i]!);
   if (!drives.some((drive) => drive.hasCamera)) return null;
   return (
     <div class="sights">
@@ -395,13 +394,13 @@ function State({ drive, name, number, time, waiting }: StateProps) {
         {verdict && <span class="hidden"> {verdict}</span>}
       </span>{" "}
       <span class="where">
-        {at.toFixed(2)} of {drive.duration.toFixed(2)} s{drive.answer.overview?.simulated ? " (simulated time)" : ""}
-        {pose && ` · x ${pose.x.toFixed(2)} m, y ${pose.y.toFixed(2)} m, ${degrees(pose.yaw)}°`}
-        {speed !== null && ` · ${speed.toFixed(2)} m/s`}
-        {sight && at - sight.time > OLD && ` · picture of ${sight.time.toFixed(1)} s`}
-        {pose && pose.age > 0 && ` · no pose for ${pose.age.toFixed(1)} s`}
-        {!pose && drive.isReady(at) && " · no pose yet"}
-        {waiting && !drive.isReady(at) && " · loading …"}
+        {PLAYER.clock(at, drive.duration, Boolean(drive.answer.overview?.simulated))}
+        {pose && PLAYER.pose(pose.x, pose.y, degrees(pose.yaw))}
+        {speed !== null && PLAYER.velocity(speed)}
+        {sight && at - sight.time > OLD && PLAYER.oldImage(sight.time)}
+        {pose && pose.age > 0 && PLAYER.oldPose(pose.age)}
+        {!pose && drive.isReady(at) && PLAYER.noPose}
+        {waiting && !drive.isReady(at) && PLAYER.loading}
       </span>
     </li>
   );
@@ -411,11 +410,10 @@ function State({ drive, name, number, time, waiting }: StateProps) {
 function Everyone({ others }: { others: Drive[] }) {
   if (others.length === 0) return null;
   const bad = others.filter((drive) => drive.answer.verdict !== "passed" && drive.track.times.length > 0);
-  const ends = bad.map(({ key, track }) => `${key.split("/").at(-1)} at ${track.x.at(-1)!.toFixed(1)}, ${track.y.at(-1)!.toFixed(1)}`);
+  const ends = bad.map(({ key, track }): [string, number, number] => [key.split("/").at(-1)!, track.x.at(-1)!, track.y.at(-1)!]);
   return (
     <p class="quiet" role="status">
-      {plural(others.length, "other run")} on the map
-      {bad.length > 0 ? `; ${bad.length} did not pass and ended: ${ends.join(" · ")} m` : "; all of them passed"}.
+      {PLAYER.others(others.length, ends)}
     </p>
   );
 }
@@ -429,7 +427,7 @@ function Lacks({ drives, names }: { drives: Drive[]; names: string[] }) {
   if (told.length === 0) return null;
   return (
     <div class="lacks" role="note">
-      <strong>What is not shown, and why</strong>
+      <strong>{PLAYER.missing}</strong>
       <ul>
         {told.map((remark) => (
           <li key={remark}>{remark}</li>

@@ -1,5 +1,6 @@
 // What a robot's camera saw at a moment.
 import { useEffect, useRef } from "preact/hooks";
+import { PLAYER } from "../text";
 import type { Drive, Sight as Seen } from "./drive";
 import type { Picture } from "./stage";
 
@@ -49,7 +50,7 @@ class Screen {
     try {
       image = await createImageBitmap(picture);
     } catch {
-      this.drive.remark(`The camera's picture at ${time.toFixed(2)} s is damaged.`);
+      this.drive.remark(PLAYER.damaged(time));
       return;
     }
     this.canvas.width = image.width;
