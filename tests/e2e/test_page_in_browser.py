@@ -317,7 +317,7 @@ def test_more_runs_are_seen_and_stopped_where_they_were_started(
         expect(launched).to_contain_text("Running.")
         expect(launched).to_be_in_viewport()
         expect(launched).to_contain_text("3 pending")
-        expect(launched.get_by_role("region", name="Output")).to_contain_text("4 runs, 1 of them")
+        expect(launched.get_by_role("region", name="Output")).to_contain_text("4 runs, 1 already finished")
         expect(page.get_by_label("Run 10 more on this machine")).to_contain_text("--runs=14")
         page.screenshot(path=tmp_path / "further.png", full_page=True)
         page.evaluate(axe)
@@ -607,7 +607,7 @@ def test_the_matrix_begins_with_what_was_varied_and_matters(page: Page, tmp_path
             "button"
         )
         expect(effects.first).to_contain_text("margin ≤ 0.02 m")
-        expect(effects.first).to_contain_text("75 %, elsewhere 0 %")
+        expect(effects.first).to_contain_text("75 % unsuccessful, 0 % elsewhere")
         expect(effects).to_have_count(3)
         expect(page.get_by_role("columnheader", name="map_file")).to_have_count(0)
         effects.filter(has_text="floor_plan").click()

@@ -93,8 +93,12 @@ function configuration(campaign: string, name: string): string {
   return link(["campaign", campaign], { q: `variant=${name}` });
 }
 
-function outcome({ rate }: Entry): string {
-  return HISTORY.outcome(rate.failed + rate.errored, rate.runs);
+function outcome(entry: Entry): string {
+  return HISTORY.outcome(badOf(entry), entry.rate.runs);
+}
+
+function badOf({ rate }: Entry): number {
+  return rate.failed + rate.errored;
 }
 
 function valueOf(entry: Entry, column: string): unknown {
@@ -126,7 +130,7 @@ function Table({ entries, name }: { entries: Entry[]; name: string }) {
   const rows = sorted(entries, sort);
   const columns: Column[] = [
     { id: "started", label: COMMON.started, cell: (row) => moment(of(row).started_at) },
-    { id: "outcome", label: COMMON.unsuccessful, cell: (row) => outcome(of(row)) },
+    { id: "outcome", label: COMMON.unsuccessful, cell: (row) => HISTORY.counts(badOf(of(row)), of(row).rate.runs) },
     { id: "interval", label: COMMON.interval, cell: (row) => intervalText(of(row).rate.interval) },
     { id: "changed", label: HISTORY.changes, cell: (row) => <span title={of(row).changes.join(", ")}>{of(row).changed}</span> },
     { id: "reason", label: COMMON.reason, cell: (row) => <span title={of(row).reason}>{of(row).reason}</span> },

@@ -241,7 +241,7 @@ export const FACTORS = {
   points: (points: number) => `${signed(String(points))} ${POINTS}`,
   interval: (low: number, high: number, p: string) =>
     `95 % interval ${signed(String(low))} to ${signed(String(high))} ${POINTS}, p-value ${p}`,
-  rates: (worse: number, better: number) => `${percent(worse)}, elsewhere ${percent(better)}`,
+  rates: (worse: number, better: number) => `${percent(worse)} unsuccessful, ${percent(better)} elsewhere`,
   sure: (low: number, high: number) => `, 95 % interval ${signed(String(low))} to ${signed(String(high))}`,
   unclear: ", not significant",
 };
@@ -411,7 +411,7 @@ export const SEVERAL = {
     return `${points(change)} (${points(low)} to ${points(high)})`;
   },
   note: (before: string, campaigns: number, chance: number) =>
-    `Each campaign is compared separately with ${before}. The counts include configurations of both campaigns with a significant change.` +
+    `Each campaign is compared separately with ${before}. Worse and Better count the configurations of both campaigns with a significant change.` +
     ` If no campaign is worse, at least one of ${campaigns} is still reported as worse with a probability of up to ${percent(chance)}.`,
   legend: "Unsuccessful runs: ▲ worse, ▼ better, ? unclear",
   none: (before: string) => `No configuration of ${before} is in the other campaigns.`,
@@ -438,6 +438,7 @@ export const HISTORY = {
   legend: "A dot is filled in proportion to its unsuccessful runs. An empty dot means that all runs passed.",
   changed: (changes: string) => `changed: ${changes}`,
   outcome: unsuccessful,
+  counts: (bad: number, runs: number) => `${bad} of ${runs}`,
   changes: "Changed",
   grid: (variant: string) => `${variant} in each campaign`,
 };
