@@ -137,7 +137,7 @@ def test_what_is_wrong_is_one_sentence(place: Place, monkeypatch: pytest.MonkeyP
     assert "its tables are made when all runs have ended" in refusal(*shown_bucket)
     place.store.put_bytes(place.bucket, RUNS_TABLE, table)
     assert "has no bucket of a campaign `none-such`" in refusal("--bucket", "none-such")
-    assert "name one" in refusal(*shown_bucket, "-r", "results")
+    assert "exclude each other" in refusal(*shown_bucket, "-r", "results")
     monkeypatch.setenv("ROBOVAST_S3_SECRET_KEY", quote("another key"))
     assert "cannot list buckets" in refusal(*shown_bucket)
 

@@ -57,7 +57,7 @@ def test_a_notebook_is_executed_by_a_click_and_shown_with_its_error(
     page: Page, server: ShownPage, tmp_path: Path
 ) -> None:
     page.goto(f"{server.address}#/campaign/{NAME}?view=notebooks")
-    page.get_by_role("button", name="Run", exact=True).click()
+    page.get_by_role("button", name="Run notebook").click()
     frame = page.frame_locator("iframe")
     expect(frame.get_by_text("7", exact=True)).to_be_visible()
     expect(page.get_by_role("alert")).to_have_text(
@@ -77,7 +77,7 @@ def test_what_a_notebook_gives_out_does_nothing_to_the_page(page: Page, server: 
     page.on("request", lambda request: asked.update({request.url: None}))
     page.on("requestfailed", lambda request: asked.update({request.url: request.failure}))
     page.goto(f"{server.address}#/campaign/{NAME}/hall-1/0?tab=notebooks")
-    page.get_by_role("button", name="Run", exact=True).click()
+    page.get_by_role("button", name="Run notebook").click()
     frame = page.frame_locator("iframe")
     expect(frame.get_by_text("harmless", exact=True)).to_be_visible()
     frame.get_by_role("button", name="Send").click()
@@ -112,7 +112,7 @@ def test_a_batch_of_a_search_is_chosen_for_its_notebook(page: Page, tmp_path: Pa
             expect(page.get_by_role("heading", name="Notebooks of batch 2")).to_be_visible()
             page.get_by_label("Batch").select_option("1")
             expect(page.get_by_role("heading", name="Notebooks of batch 1")).to_be_visible()
-            page.get_by_role("button", name="Run", exact=True).click()
+            page.get_by_role("button", name="Run notebook").click()
             frame = page.frame_locator("iframe")
             expect(frame.get_by_text("batch 41", exact=True)).to_be_visible()
             page.goto("about:blank")

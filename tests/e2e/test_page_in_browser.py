@@ -317,7 +317,9 @@ def test_more_runs_are_seen_and_stopped_where_they_were_started(
         expect(launched).to_contain_text("Running.")
         expect(launched).to_be_in_viewport()
         expect(launched).to_contain_text("3 pending")
-        expect(launched.get_by_role("region", name="Output")).to_contain_text("4 runs, 1 already finished")
+        expect(launched.get_by_role("region", name="Output")).to_contain_text(
+            "4 runs, 1 already finished"
+        )
         expect(page.get_by_label("Run 10 more on this machine")).to_contain_text("--runs=14")
         page.screenshot(path=tmp_path / "further.png", full_page=True)
         page.evaluate(axe)

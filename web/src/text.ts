@@ -555,7 +555,7 @@ export const NOTEBOOKS = {
   none: "The .vast file has no such notebook in `evaluation.visualization`.",
   batch: "Batch",
   label: (name: string) => `Notebook ${name}`,
-  run: "Run",
+  run: "Run notebook",
   runAgain: "Run again",
   running: "Running …",
   warning: "A notebook runs code from the campaign.",
