@@ -62,7 +62,7 @@ def _entries(path: Path) -> list[Any]:
     try:
         return list(json.loads(path.read_text(encoding="utf-8"))["entries"])
     except (KeyError, TypeError) as error:
-        raise ValueError(f"{path} is no provenance file: it has no list `entries`") from error
+        raise ValueError(f"{path} is not a provenance file: it has no list `entries`") from error
 
 
 def find_rosbags(directory: str | Path, bag_dir_name: str = "rosbag2") -> list[str]:

@@ -68,5 +68,5 @@ def test_an_incompatible_image_is_refused_before_it_starts(
     campaign = campaign_with_script(tmp_path, wrong_compat_image)
     done = postprocess(campaign)
     assert done.returncode == 1
-    assert "is not compatible: contract version `2` is needed, the image has" in done.stderr
+    assert "is not compatible: image interface version `2` is needed, the image has" in done.stderr
     assert not (campaign / "c-1/0/made.txt").exists()

@@ -175,7 +175,7 @@ def test_an_incompatible_image_is_refused_before_anything_starts(
         run(make_campaign(tmp_path / "in", PASS), tmp_path / "out", runtime="docker", image=image)
     message = str(error.value)
     assert image in message
-    assert "needs contract version `2`" in message
+    assert "needs image interface version `2`" in message
     assert says in message
     assert "container/build.sh" in message
     assert not (tmp_path / "out").exists()

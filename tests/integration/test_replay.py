@@ -107,7 +107,7 @@ def test_what_has_changed_since_is_not_flaky(tmp_path: Path) -> None:
     code, said = replay(folder, "--times", "2")
     assert code == 1
     assert said.count(" instead of passed") == 2
-    assert "but not that of the stored run. Check for changes." in said
+    assert "but not the result of the stored run. Check for changes." in said
 
 
 def test_a_run_without_a_recorded_seed_says_so(tmp_path: Path) -> None:

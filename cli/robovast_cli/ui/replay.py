@@ -102,7 +102,7 @@ def _told(report: ReplayReport) -> Iterator[str]:
         )
     elif report.flaky is False:
         yield "Deterministic: the same seed gives the same result each time" + (
-            ", but not that of the stored run. Check for changes." if report.differs else "."
+            ", but not the result of the stored run. Check for changes." if report.differs else "."
         )
     variant = report.run.partition("/")[0]
     counts = ", ".join(f"{count} {verdict}" for verdict, count in report.other_seeds.items())

@@ -80,8 +80,8 @@ def propose(folders: Folders) -> AgentExit:
 def _tell_hanging(folders: Folders, where: str) -> None:
     """Say that something takes too long."""
     text = (
-        f"the proposal is not complete after {LONGEST / 3600:g} h: it is in {where}. Make the "
-        "strategy, the extractor or the postprocessing faster, and create another Campaign."
+        f"the proposal is not complete after {LONGEST / 3600:g} h: it is in {where}. Speed up the "
+        "strategy, the extractor or the postprocessing, and create another Campaign."
     )
     print(f"error: {text}", file=sys.stderr)  # noqa: T201
     write_error(folders.message, text, as_json=True)

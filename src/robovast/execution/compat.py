@@ -31,7 +31,7 @@ def check_compat(image: str, found: str | None) -> None:
         return
     says = f"has version `{found.strip()}`" if found else f"has no version ({VERSION_PATH} missing)"
     raise CannotRunError(
-        f"the image {image} is not compatible: RoboVAST here needs contract version "
+        f"the image {image} is not compatible: RoboVAST here needs image interface version "
         f"`{COMPAT_VERSION}`, the image {says}. {REMEDY}"
     )
 
@@ -40,8 +40,8 @@ COMPAT_SCRIPT = f"""\
 found=$(cat {VERSION_PATH} 2>/dev/null)
 [ "$found" = "$EXPECTED" ] && exit 0
 [ -n "$found" ] && says="has version \\`$found\\`" || says="has no version ({VERSION_PATH} missing)"
-echo "the image $IMAGE is not compatible: RoboVAST here needs contract version \\`$EXPECTED\\`, \
-the image $says. {REMEDY}" | tee /dev/termination-log >&2
+echo "the image $IMAGE is not compatible: RoboVAST here needs image interface version \\
+\\`$EXPECTED\\`, the image $says. {REMEDY}" | tee /dev/termination-log >&2
 exit {INCOMPATIBLE}
 """
 """`check_compat` as a shell script in the image; reads EXPECTED and IMAGE from the environment."""

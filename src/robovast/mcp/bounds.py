@@ -45,10 +45,10 @@ def fitted(value: Any, most: int = MOST_BYTES) -> Any:
 
 
 def page(items: Sequence[Any], offset: int = 0, *, name: str = "items") -> dict[str, Any]:
-    """As many items from an offset on as fit into an answer.
+    """Return as many items from an offset on as fit into an answer.
 
     Returns:
-        The items under `name`; `total`; if some are left out, `cut`, which says how to continue.
+        The items under `name`; `total`; if some are missing, `cut` with the way to continue.
     """
     begin = max(0, offset)
     chosen: list[Any] = []

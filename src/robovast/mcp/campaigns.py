@@ -71,12 +71,12 @@ class CampaignTools:
         return fitted({**asdict(summary), "active_jobs": active or ()})
 
     def inspect_campaign(self, campaign: str) -> Any:
-        """Compute where a campaign fails: by value of what was varied (its factors) and by cause.
+        """Compute failure rates of a campaign by factor (varied value) and by cause.
 
-        A cause is a reason without the numbers in which it differs between runs; `numbers` has
-        their ranges. Clearly separate groups of a number are separate causes. Interrupted runs do
-        not count in the rates, which have their 95 % intervals. `explained_by` has the clearest
-        split of each factor; `p` is how often chance alone shows one as clear.
+        A cause is a reason without the numbers that differ between runs; `numbers` has their
+        ranges. Clearly separate groups of a number are separate causes. The rates have 95 %
+        intervals and exclude interrupted runs. `explained_by` has the clearest split of each
+        factor. `p` is the probability that chance alone causes a split this clear.
         """
         interval_of = interval_for(self._library.summary(campaign))
         variants = self._library.campaign(campaign).variants
@@ -95,7 +95,7 @@ class CampaignTools:
         )
 
     def inspect_campaign_comparison(self, before: str, after: str) -> Any:
-        """Compare two campaigns: what got worse or better, and whether chance explains it.
+        """Compare two campaigns: changes for the worse or better, and whether chance explains them.
 
         Configurations with equal parameters are compared by McNemar's exact test where their runs
         have equal seeds, otherwise by Fisher's, with Holm's correction for their number.
@@ -114,7 +114,7 @@ class CampaignTools:
         )
 
     def list_configurations(self, campaign: str, offset: int = 0) -> dict[str, Any]:
-        """List the configurations of a campaign: what was varied, failure rates, 95 % intervals."""
+        """List the configurations of a campaign: factors, failure rates, 95 % intervals."""
         interval_of = interval_for(self._library.summary(campaign))
         items = [
             {

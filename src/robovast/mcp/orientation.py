@@ -96,10 +96,10 @@ class OrientationTools:
         return page(items, offset, name="plugins")
 
     def explain_failures(self, campaign: str) -> str:
-        """Find out why runs of a campaign did not pass."""
+        """Find the causes of unsuccessful runs of a campaign."""
         return (
-            f"Why did runs of the campaign `{campaign}` not pass? Begin with `inspect_campaign`: "
-            "which reasons there are, and which parameter values fail more often than others. "
+            f"Why did runs of the campaign `{campaign}` not pass? Begin with `inspect_campaign` "
+            "for the reasons and for parameter values that fail more often than others. "
             "Take one run of each reason (`search_runs`), read its failure (`get_run`) and the "
             "errors in its log (`search_run_log`). For each reason, give the number of runs, the "
             "evidence (file and line), and the cause: robot, simulation or test. List open "
@@ -107,7 +107,7 @@ class OrientationTools:
         )
 
     def compare_campaigns(self, before: str, after: str) -> str:
-        """Find out what changed between two campaigns."""
+        """Find the changes between two campaigns."""
         return (
             f"What changed from the campaign `{before}` to `{after}`? Begin with "
             "`inspect_campaign_comparison`. Separate statistically certain changes from changes "
@@ -116,7 +116,7 @@ class OrientationTools:
         )
 
     def investigate_run(self, campaign: str, configuration: str, run: int) -> str:
-        """Find out what happened in one run."""
+        """Explain the verdict of one run."""
         return (
             f"What happened in run {run} of the configuration `{configuration}` of the campaign "
             f"`{campaign}`? Read `get_run`, then its log (`search_run_log`, errors first, then "

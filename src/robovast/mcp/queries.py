@@ -57,11 +57,11 @@ class QueryTools:
         return answer("sql", self._having(COLUMNAR_TABLES, campaign), sql)
 
     def list_provenance_queries(self) -> dict[str, str]:
-        """List the named queries of `query_provenance` and what each answers."""
+        """List the named queries of `query_provenance` with descriptions."""
         return query_names()
 
     def query_provenance(self, query: str, campaign: str = "") -> dict[str, Any]:
-        """Query the provenance of campaigns (W3C PROV): what made which file, from what, with what.
+        """Query the provenance of campaigns (W3C PROV): inputs, tools and activities of each file.
 
         Args:
             query: a name that `list_provenance_queries` gives, or SPARQL. The prefixes rdf, rdfs,

@@ -32,11 +32,10 @@ class SearchTools:
         add_tools(mcp, self.get_search, self.list_search_sets)
 
     def get_search(self, campaign: str, offset: int = 0) -> dict[str, Any]:
-        """Get the batches of a search: who proposed them, from what, and what was reached.
+        """Get the batches of a search: their strategy, its input and its metrics.
 
-        `told` is the number of evaluations that the strategy knew, all of the first `known`
-        batches; `metrics` are its own numbers after the batch, such as the share of the space that
-        fails.
+        `told` is the number of observed evaluations, all of the first `known` batches. `metrics`
+        are numbers of the strategy after the batch, such as the failing fraction of the space.
 
         Args:
             campaign: its name.
@@ -47,7 +46,8 @@ class SearchTools:
     def list_search_sets(self, campaign: str, offset: int = 0) -> dict[str, Any]:
         """List the parameter sets of a search with their scores, as they were proposed.
 
-        `config` is the configuration whose runs were scored; `error` says why a set has no score.
+        `config` is the configuration whose runs were scored; `error` is the
+        reason if a set has no score.
 
         Args:
             campaign: its name.

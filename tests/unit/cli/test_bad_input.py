@@ -38,7 +38,7 @@ error: 1 problem in bad.vast
         "  resources:\n    memory: [8Gi]\n",
         """\
 bad.vast:4:9: execution.runs: must be a whole number, not 'many'
-    How often each configuration is run; or `min`, `max` and `decide`: as often as it takes.
+    Number of runs of each configuration, or `min`, `max` and `decide`, which classify it.
 bad.vast:6:28: execution.secondary_containers[0].nav.resources.gpu: must be a whole number or a \
 list, not 'a lot'
 bad.vast:8:14: execution.resources.memory[0]: must be a `name: value` pair, not '8Gi'
@@ -49,7 +49,7 @@ error: 3 problems in bad.vast
         HEAD + TAIL + "  seed: lucky\n",
         """\
 bad.vast:4:9: execution.seed: must be a whole number, not 'lucky'
-    Seed of the campaign, from which each run's own follows; drawn at random when omitted.
+    Seed of the campaign, from which the seeds of all runs are derived (default: random).
 error: 1 problem in bad.vast
 """,
     ),
@@ -57,7 +57,7 @@ error: 1 problem in bad.vast
         HEAD + TAIL + "  seed: 2147483648\n",
         """\
 bad.vast:4:9: execution.seed: must be at most 2147483647, not 2147483648
-    Seed of the campaign, from which each run's own follows; drawn at random when omitted.
+    Seed of the campaign, from which the seeds of all runs are derived (default: random).
 error: 1 problem in bad.vast
 """,
     ),
@@ -135,13 +135,13 @@ bad.vast:4:9: configuration[1].name: the name `a` occurs twice; the first is con
     Results are kept by name: give each configuration its own.
 bad.vast:5:9: configuration[2].name: `a/b` cannot name a folder: use letters, digits, `-`, `_` \
 and `.`, beginning with a letter or digit, at most 100
-    Unique name; the results folders begin with it.
+    Unique name; the names of the results folders start with this name.
 bad.vast:6:9: configuration[3].name: `..` cannot name a folder: use letters, digits, `-`, `_` \
 and `.`, beginning with a letter or digit, at most 100
-    Unique name; the results folders begin with it.
+    Unique name; the names of the results folders start with this name.
 bad.vast:7:9: configuration[4].name: `campaign.db` is a file of the campaign itself: choose \
 another name
-    Unique name; the results folders begin with it.
+    Unique name; the names of the results folders start with this name.
 error: 4 problems in bad.vast
 """,
     ),

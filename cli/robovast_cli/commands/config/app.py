@@ -52,7 +52,7 @@ def gui(ctx: typer.Context, debug: Annotated[bool, typer.Option("--debug")] = Fa
     typer.echo(
         "note: `vast` has no editor for configurations. Use your own editor with the schema of "
         "`vast config schema`, or draw configurations with `vast config view OUT`. The output "
-        "below is that of `vast config list`.",
+        "below comes from `vast config list`.",
         err=True,
     )
     print_configurations(ctx.obj.document(), "table", internal=debug)
@@ -218,7 +218,7 @@ def export_configs(
 @app.command()
 @examples(
     ("vast -V robot.vast config import-configs failed.yaml", "Add exported configurations"),
-    ("vast config import-configs results/hall-2026-03-04-152130", "Add those of a campaign"),
+    ("vast config import-configs results/hall-2026-03-04-152130", "Add its configurations"),
 )
 def import_configs(
     ctx: typer.Context,

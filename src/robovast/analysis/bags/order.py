@@ -141,8 +141,8 @@ class _Room:
         """Whether the file may expand further; adds a fault otherwise."""
         if self._left < 0:
             self._file.faults.add(
-                "The messages of a file of the bag are far larger than the file: those that follow "
-                "are left out"
+                "The messages of a file of the bag are far larger than the file: the following "
+                "messages are skipped"
             )
         return self._left >= 0
 

@@ -153,8 +153,9 @@ def _refuse_verdict(run: StoredRun) -> None:
         raise InputError(f"{run.folder}: passed; there is no failure to reduce.")
     if verdict is not Verdict.FAILED:
         raise InputError(
-            f"{run.folder}: {verdict} ({run.record.reason}), so the run is no evidence about the "
-            "robot. Name a failed run. To check whether this run errors again, use `vast replay`."
+            f"{run.folder}: {verdict} ({run.record.reason}), so the run does not show a fault of "
+            "the robot. Name a failed run. To check whether this run errors again, use "
+            "`vast replay`."
         )
 
 

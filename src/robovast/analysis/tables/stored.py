@@ -74,7 +74,7 @@ def _file_system(stored: dict[str, StoredTables]) -> Any:
 
     class Files(AbstractFileSystem):  # type: ignore[misc]  # it has no types
         protocol = _SCHEME
-        cachable = False
+        cacheable = False
 
         def open(self, path: str, *_: object, **__: object) -> _File:
             return _File(stored[path])

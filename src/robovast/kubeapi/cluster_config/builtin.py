@@ -71,9 +71,9 @@ class GcpConfig(_DiskConfig):
     NOTES = """\
 Log in with `gcloud container clusters get-credentials CLUSTER --region REGION`; kubectl needs the
 package `google-cloud-cli-gke-gcloud-auth-plugin`.
-`kubectl config rename-context OLD gcp` gives the context a short name, which can stand in the
-resources of a .vast file.
-After a cleanup look for disks that are left over in the console.
+`kubectl config rename-context OLD gcp` gives the context a short name, which you can use in
+the resources of a .vast file.
+After a cleanup, look for leftover disks in the console.
 """
 
     def get_instance_type_command(self) -> str:

@@ -39,14 +39,14 @@ def _check_path(value: str) -> str:
 
 
 class Assets(Section):
-    """Files for all containers of a run, read only: of a claim, or of an image."""
+    """Read-only files for all containers of a run, from a volume or an image."""
 
     path: Annotated[str, Field(pattern=r"^/", max_length=253), AfterValidator(_check_path)]
-    """Where the containers find them, such as `/assets`."""
+    """Path in the containers, such as `/assets`."""
     claim: Annotated[str, Field(pattern=r"^[a-z0-9][-a-z0-9.]{0,252}$")] | None = None
     """PersistentVolumeClaim of the namespace with the label `robovast.io/assets: "true"`."""
     image: Annotated[str, Field(pattern=IMAGE, max_length=500)] | None = None
-    """Container image whose files they are; best with its digest."""
+    """Container image that contains the files, preferably with its digest."""
 
     @model_validator(mode="after")
     def _check_place(self) -> Self:

@@ -67,14 +67,14 @@ class Resources(Section):
 
 
 class MainResources(Resources):
-    """Limits of the main container, and what all containers of a job share."""
+    """Limits of the main container, and limits of all containers of a job together."""
 
     shm_size: Quantity | PerCluster | None = None
-    """Size of `/dev/shm`, such as `1Gi` (64 MiB when omitted), or `context: value` pairs."""
+    """Size of `/dev/shm`, such as `1Gi` or `context: value` pairs (default: 64 MiB)."""
 
 
 class SecondaryContainer(Section):
-    """A container beside the main one, in the same network namespace, with the same image."""
+    """A container next to the main container, with the same network namespace and image."""
 
     name: str
     """The container's name."""
@@ -123,14 +123,14 @@ class Local(Section):
     """Settings of local runs only."""
 
     parameter_overrides: list[Pair] = Field(default_factory=list)
-    """Scenario parameters that replace what the variations made, in local runs only."""
+    """Scenario parameters that replace the values of variations, only in local runs."""
 
 
 class Nodes(Section):
-    """Where pods may be scheduled."""
+    """Scheduling of pods."""
 
     node_labels: dict[str, str] = Field(default_factory=dict)
-    """Labels that a node must have, all of them."""
+    """Labels that a node must have."""
 
 
 ClaimTemplate = Annotated[str, Field(pattern=r"^[a-z0-9][-a-z0-9.]{0,252}$")]
@@ -140,17 +140,17 @@ class Kubernetes(Section):
     """Settings of cluster runs only."""
 
     jobs: Nodes = Field(default_factory=Nodes)
-    """The pods that execute runs."""
+    """The pods of runs."""
     control: Nodes = Field(default_factory=Nodes)
-    """The pods that compose a campaign and process its results."""
+    """The pods that expand a campaign and process its results."""
     gpu_resource: Annotated[str, Field(pattern=EXTENDED_RESOURCE)] | PerCluster = "nvidia.com/gpu"
-    """What `gpu` counts, such as `amd.com/gpu`, or a list of `context: value` pairs."""
+    """Resource of `gpu`, such as `amd.com/gpu`, or a list of `context: value` pairs."""
     ephemeral_storage: Quantity | PerCluster | None = None
-    """Disk that a pod of runs asks for and may fill; as the installation says when omitted."""
+    """Disk request and limit of a pod of runs (default: `agent.diskRequest`, `agent.diskLimit`)."""
     assets: Annotated[list[Assets], Field(max_length=MOST_ASSETS), AfterValidator(check_apart)] = (
         Field(default_factory=list)
     )
-    """Volumes with files that all containers of a run may read."""
+    """Volumes with files for all containers of a run."""
     device_claims: Annotated[list[ClaimTemplate], Field(max_length=8)] = Field(default_factory=list)
     """ResourceClaimTemplates of the namespace: devices that the containers of a run share."""
 
@@ -308,19 +308,19 @@ class Execution(Section):
     """How and where runs are executed."""
 
     image: Annotated[str, Field(pattern=IMAGE, max_length=500)] | None = None
-    """Container image; the `--image` option and `ROBOVAST_IMAGE` come before it."""
+    """Container image; the option `--image` and the variable `ROBOVAST_IMAGE` have priority."""
     runs: Annotated[
         Annotated[Count, Tag(KINDS_OF_RUNS[0])] | Annotated[RunsAsNeeded, Tag(KINDS_OF_RUNS[1])],
         Discriminator(_kind_of_runs),
     ] = 1
-    """How often each configuration is run; or `min`, `max` and `decide`: as often as it takes."""
+    """Number of runs of each configuration, or `min`, `max` and `decide`, which classify it."""
     runs_per_job: RunsPerJob = 1
-    """How many runs share one job (one simulator set-up); `auto`: as measured run times suggest
+    """Number of runs that share one job (one start of the simulator). `auto` uses measured times
     (docs/how-to/run-locally.md)."""
     seed: Annotated[int, Field(strict=True, ge=0, le=LARGEST_SEED)] | None = None
-    """Seed of the campaign, from which each run's own follows; drawn at random when omitted."""
+    """Seed of the campaign, from which the seeds of all runs are derived (default: random)."""
     timeout: Annotated[int, Field(ge=1)] | None = None
-    """Longest wall-clock time of one run [s]; no limit when omitted."""
+    """Maximum wall-clock time of one run in seconds (default: no limit)."""
     scenario_file: str | None = None
     """OpenSCENARIO 2 file, relative to the .vast file."""
     simulation: Annotated[str, Field(pattern=r"^[^\s:]+:[^\s:]+$")] | None = None
@@ -330,7 +330,7 @@ class Execution(Section):
     pre_command: str | None = None
     """Script that is sourced before each run; a path in the container, without arguments."""
     post_command: str | None = None
-    """Program that is executed after each run; a path in the container, without arguments."""
+    """Program that runs after each run; a path in the container, without arguments."""
     run_files: list[str] = Field(default_factory=list)
     """Glob patterns of files that the container needs, relative to the .vast file."""
     env: list[Pair] = Field(default_factory=list)
@@ -338,7 +338,7 @@ class Execution(Section):
     resources: MainResources = Field(default_factory=MainResources)
     """Limits of the main container."""
     secondary_containers: list[Secondary] = Field(default_factory=list)
-    """Containers that run beside the main one."""
+    """Containers next to the main container."""
     compare: list[ComparedOutput] | None = None
     """Outputs that `vast replay` compares, see docs/how-to/reproduce-a-failure.md (default: all CSV
     files)."""

@@ -59,15 +59,15 @@ class ConfigurationEntry(Section):
     """A named set of runs: fixed parameters, or variations of them."""
 
     name: str
-    """Unique name; the results folders begin with it."""
+    """Unique name; the names of the results folders start with this name."""
     scenario_file: str | None = None
     """Older place of `execution.scenario_file`; must be the same in every entry."""
     parameters: list[Pair] | None = None
     """Fixed parameter values, one `name: value` pair an item; variations may replace them."""
     variations: list[Plugin] | None = None
-    """Variations in order; each multiplies the configurations of the one before."""
+    """Variations in order. Each one multiplies the configurations of the previous one."""
     design: Design | None = None
-    """Which combinations of the variations' values are made; all when omitted."""
+    """Combinations of the variations' values (default: all)."""
 
     @field_validator("name")
     @classmethod
@@ -129,7 +129,7 @@ Workloads = Annotated[list[dict[str, Notebooks]], BeforeValidator(_known_noteboo
 
 
 class Player(Section):
-    """What the player of a run reads; what is omitted is guessed by type and name."""
+    """Topics of the playback of a run (default: detected by type and name)."""
 
     bag: str | None = None
     """Path suffix of the bag's folder in the run, as `rosbag2`."""
@@ -146,7 +146,7 @@ class Player(Section):
     camera: str | None = None
     """Topic of the camera (`sensor_msgs/msg/CompressedImage`: JPEG, PNG or WebP)."""
     tree: str | None = None
-    """Topic of the behaviour tree (py_trees_ros or Nav2's log of it)."""
+    """Topic of the behavior tree (py_trees_ros or Nav2's log of it)."""
     log: str | None = None
     """Topic of log messages (`rcl_interfaces/msg/Log`)."""
 
@@ -155,10 +155,10 @@ class Evaluation(Section):
     """Presentation of the results."""
 
     player: Player = Field(default_factory=Player)
-    """Topics of the player in a run's page."""
+    """Topics of the playback in a run's page."""
 
     visualization: Workloads = Field(default_factory=list)
-    """Workloads by name; each is a tab of the page."""
+    """Workloads by name. Each workload is a tab in the web UI."""
 
 
 class Analysis(Section):
@@ -176,13 +176,13 @@ class Vast(Section):
     version: Literal[1]
     """Version of the format."""
     metadata: dict[str, Any] = Field(default_factory=dict)
-    """Free description; `name` names the campaign, other keys describe the dataset."""
+    """Description. `name` is the name of the campaign, other keys describe the dataset."""
     general: dict[str, Any] = Field(default_factory=dict)
     """Passed to every variation type as its `general_parameters`."""
     configuration: list[ConfigurationEntry] | None = None
     """The configurations to run."""
     execution: Execution = Field(default_factory=Execution)
-    """How and where runs are executed."""
+    """Settings of the runs."""
     search: Search | None = None
     """Closed-loop search in place of `configuration`."""
     results_processing: ResultsProcessing = Field(default_factory=ResultsProcessing)

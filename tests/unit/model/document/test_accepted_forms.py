@@ -136,7 +136,7 @@ def test_limits_of_a_secondary_container_may_stand_beside_its_name(folder: Path,
             execution("") + "evaluation: {visualization: [{a: {title: x}}]}\n",
             "evaluation.visualization[0].a.title: the key `title` is not known",
         ),
-        (execution("  env: [{OUTPUT_DIR: x}]\n"), "`OUTPUT_DIR` is set by RoboVAST itself"),
+        (execution("  env: [{OUTPUT_DIR: x}]\n"), "`OUTPUT_DIR` is set by RoboVAST"),
         (execution("") + "---\nversion: 2\n", "only the first YAML document counts"),
         (execution("  run_files: ['*.none']\n"), "`*.none` matches no file in"),
         (
@@ -157,7 +157,7 @@ def test_what_has_no_effect_is_told_with_its_place(folder: Path, text: str, warn
     [
         ("colour: red\n" + execution(""), "unknown key `colour`"),
         (execution("  run_file: [a]\n"), "unknown key `run_file`\n    Did you mean `run_files`?"),
-        (execution("  env: [{CAMPAIGN_ID: x}]\n"), "`CAMPAIGN_ID` is set by RoboVAST itself"),
+        (execution("  env: [{CAMPAIGN_ID: x}]\n"), "`CAMPAIGN_ID` is set by RoboVAST"),
         (
             "configuration: [{name: t, parameters: [{spead: 1}]}]\n" + execution(""),
             "has no parameter `spead`",

@@ -38,7 +38,7 @@ def load(folder: Path, assets: str) -> list[Assets]:
 def test_a_path_that_would_hide_what_runs_need_is_refused_by_its_name(
     tmp_path: Path, path: str
 ) -> None:
-    with pytest.raises(DocumentError, match=f"mounted at `{path}` would hide"):
+    with pytest.raises(DocumentError, match=f"a mount at `{path}` would hide"):
         load(tmp_path, f"[{{path: {path}, claim: worlds}}]")
 
 

@@ -13,13 +13,13 @@ usage() {
   cat <<END
 usage: docker_exec.sh [--image IMAGE] [--compat-version N] [--provenance-file HOST_PATH] SCRIPT [ARG…] FOLDER
 
-  --image IMAGE                 run image; \$ROBOVAST_IMAGE when omitted
-  --compat-version N            contract version that the image must have; RoboVAST's own when omitted
-  --provenance-file HOST_PATH   where the script's provenance goes
+  --image IMAGE                 run image (default: \$ROBOVAST_IMAGE)
+  --compat-version N            image interface version of the image (default: version of RoboVAST)
+  --provenance-file HOST_PATH   output file for the provenance of the script
 
-SCRIPT is looked for in the working directory, in \$CONFIG_DIR (the folder of the .vast file) and beside this
+SCRIPT is searched in the working directory, in \$CONFIG_DIR (the folder of the .vast file) and next to this
 program. FOLDER is /input in the container, SCRIPT's folder is /scripts, and the folder of HOST_PATH is
-/provenance. Executed is \`SCRIPT [--provenance-file /provenance/NAME] ARG… /input\`, by python3 when its name
+/provenance. The container runs \`SCRIPT [--provenance-file /provenance/NAME] ARG… /input\`, with python3 if the name
 ends with .py; \`import rosbags_common\` works.
 END
 }
@@ -60,7 +60,7 @@ $engine info >/dev/null 2>&1 || fail 3 "$engine does not answer. Is its daemon r
 $engine image inspect "$image" >/dev/null 2>&1 || $engine pull --quiet "$image" >/dev/null ||
   fail 3 "the image $image is not on this machine and cannot be pulled."
 found=$($engine run --rm --network none --entrypoint cat "$image" /etc/robovast_compat_version 2>/dev/null || true)
-[ "$found" = "$compat_version" ] || fail 3 "the image $image is not compatible: contract version \`$compat_version\` is needed, \
+[ "$found" = "$compat_version" ] || fail 3 "the image $image is not compatible: image interface version \`$compat_version\` is needed, \
 the image has \`${found:-none}\`. Rebuild it from container/robovast/Dockerfile, or use the RoboVAST that it was built for."
 
 folder=$(cd "$(dirname "$script")" && pwd)

@@ -24,15 +24,15 @@ class SearchDimension(Section):
     """One dimension of a search space."""
 
     type: Literal["float", "int", "choice", "bool"]
-    """Kind of the values."""
+    """Type of the values."""
     low: int | float | None = None
-    """Least number."""
+    """Minimum."""
     high: int | float | None = None
-    """Largest number; it belongs to the dimension."""
+    """Maximum (inclusive)."""
     log: bool = False
     """Sample numbers on a logarithmic scale; `low` must be above 0."""
     step: Annotated[int, Field(ge=1)] | None = None
-    """Distance between neighbouring integers, counted from `low`."""
+    """Distance between adjacent integers, starting at `low`."""
     values: list[Any] | None = None
     """Values of a choice."""
 
@@ -118,11 +118,11 @@ class SearchMetric(Section):
     column: str | None = None
     """A column of the table."""
     over_time: SearchAggregate | None = None
-    """What a run's rows come to."""
+    """Function that combines the rows of a run."""
     over_runs: SearchAggregate = "mean"
-    """What the runs of a configuration come to."""
+    """Function that combines the runs of a configuration."""
     sql: str | None = None
-    """A query whose rows are the name of a configuration and its number; in place of the others."""
+    """A query that returns configurations and their numbers, in place of the other keys."""
 
     @model_validator(mode="after")
     def _check_kind(self) -> Self:
@@ -184,14 +184,14 @@ class BatchBudget(Section):
     """A number of batches."""
 
     value: Annotated[int, Field(ge=1)]
-    """Most batches."""
+    """Maximum number of batches."""
 
 
 class TimeBudget(Section):
     """A time."""
 
     seconds: Annotated[float, Field(gt=0)]
-    """Longest time from the beginning of the search [s]; a batch under way is finished."""
+    """Maximum time since the start in seconds. A running batch is finished."""
 
 
 class TargetObjective(Section):
@@ -207,7 +207,7 @@ class NoImprovement(Section):
     patience: Annotated[int, Field(ge=1)]
     """Batches to wait for an improvement."""
     min_delta: Annotated[float, Field(ge=0)] = 0.0
-    """Least difference that counts as one."""
+    """Minimum difference that counts as an improvement."""
 
 
 class MetricReached(Section):
@@ -238,12 +238,12 @@ class _Criterion(Section):
 
 
 class BudgetItem(_Criterion):
-    """A limit of what a search may spend: one of the keys."""
+    """A limit of the search: one of the keys."""
 
     batches: Annotated[BatchBudget, _shorthand("value", int), _OrScalar("integer")] | None = None
-    """Most batches."""
+    """Maximum number of batches."""
     time: Annotated[TimeBudget, _shorthand("seconds", _NUMBER), _OrScalar("number")] | None = None
-    """Longest time from the beginning [s]; a batch under way is finished."""
+    """Maximum time since the start. A running batch is finished."""
 
 
 class StoppingItem(_Criterion):
@@ -271,17 +271,17 @@ class Search(Section):
     postprocessing: list[Plugin] = Field(default_factory=list)
     """Plugins that run over each batch before it is scored."""
     extract: SearchExtract = Field(default_factory=SearchExtract)
-    """The scoring step; the rate of failed runs when omitted."""
+    """The scoring step (default: the rate of failed runs)."""
     objectives: Annotated[list[SearchObjective], Field(min_length=1)]
-    """What to optimize."""
+    """The values to optimize."""
     per_batch: Annotated[int, Field(ge=1, le=SETS_LIMIT)] = 1
     """Parameter sets proposed for each batch."""
     budget: list[BudgetItem] = Field(default_factory=list)
-    """Limits of what the search may spend; the first that is reached ends it."""
+    """Limits of the search. The search ends when it reaches the first limit."""
     stopping: list[StoppingItem] = Field(default_factory=list)
-    """Results that end the search; the first that is reached does."""
+    """Results that end the search. The first result that is reached ends it."""
     max_errors: Annotated[int, Field(ge=0)] = 10
-    """Most parameter sets that may be left out because they could not be evaluated."""
+    """Maximum number of parameter sets that are skipped because they cannot be evaluated."""
     seed: Annotated[
         int,
         BeforeValidator(lambda seed: 0 if seed is None else seed),
@@ -293,7 +293,7 @@ class Search(Section):
     variations: list[Plugin] | None = None
     """Template of variations; `$name` stands for the value of a dimension."""
     parameters: list[Pair] | None = None
-    """Fixed parameters beside the searched ones; `$name` stands for the value of a dimension."""
+    """Fixed parameters; `$name` stands for the value of a dimension."""
 
     @field_validator("objectives")
     @classmethod
