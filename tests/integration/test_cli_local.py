@@ -146,7 +146,7 @@ def test_prepare_run_leaves_a_script(tmp_path: Path) -> None:
         "-V", file, "exec", "local", "prepare-run", "-c", "one-2", "-t", "run", cwd=tmp_path
     )
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout.startswith("Run it with run/run.sh")
+    assert result.stdout.startswith("Run run/run.sh. ")
     assert os.access(tmp_path / "run" / "run.sh", os.X_OK)
     configurations = yaml.safe_load(
         (tmp_path / "run/out_template/_transient/configurations.yaml").read_text()

@@ -142,6 +142,9 @@ _FLAGS = {
     "executed": {"true": "ran", "1": "ran", "false": "not run", "0": "not run"},
 }
 """Meaning of truth values, as written by NUnit and others."""
+_SUSPECT = re.compile(r"fail|error|crash|time[d_-]*out|abort|incomplete|verdict|conclusion")
+"""Attributes that may contradict a passed report, if they are in none of the tables."""
+_HARMLESS = frozenset({"", "0", "false", "no", "none", "passed", "success"})
 _SKIPPED_BY_CTEST = ("SKIP_RETURN_CODE=", "SKIP_REGULAR_EXPRESSION_MATCHED", "Disabled")
 """Beginnings of the reasons for which CTest does not count a test that did not run as failed."""
 
@@ -208,6 +211,8 @@ class _Report:
             self._start_suite(name, said)
         elif name == "testcase":
             self._start_case(said)
+            if self._open[-1:] not in (["testsuite"], ["testsuites"]):
+                self._doubt = "a test case is not directly in a suite"
         elif name in _NOT_RUN and self._open[-1:] == ["testcase"]:
             self._skip(dict(said).get("message", "").strip())
         elif name in _BAD:
@@ -227,7 +232,8 @@ class _Report:
         states = self._known_states("suite", said)
         self._bad += sum(_counts(said, *_BAD_COUNTS)) + states.count("bad")
         not_run = _counts(said, *_NOT_RUN_COUNTS)
-        suite = _Suite(sum(_counts(said, "tests")), not_run, "not run" in states)
+        tests = max(_counts(said, "tests", "total"), default=0)
+        suite = _Suite(tests, not_run, "not run" in states)
         suite.catch2 = ("hostname", "tbd") in said
         suite.may_be_catch2 = self._bare and self._root == "testsuites"
         self._suites.append(suite)
@@ -259,6 +265,8 @@ class _Report:
                     self._doubt = f"a {what} has the {key} `{text[:40]}`, which is not known"
                 else:
                     found.append(state)
+            elif _is_suspect(key, text.strip().lower()):
+                self._doubt = f"a {what} has the {key[:40]} `{text[:40]}`, which is not known"
         return found
 
     def data(self, text: str) -> None:
@@ -335,6 +343,13 @@ def outcome_of(element: ET.Element) -> tuple[Outcome, ET.Element | None]:
     if not_run or "not run" in states:
         return "skipped", children[not_run[0]] if not_run else None
     return "passed", None
+
+
+def _is_suspect(key: str, value: str) -> bool:
+    if key == "passed":
+        return value in {"0", "false", "no"}
+    is_known = key in _BAD_COUNTS or key in _NOT_RUN_COUNTS
+    return not is_known and value not in _HARMLESS and _SUSPECT.search(key) is not None
 
 
 def _plain(name: str) -> str:

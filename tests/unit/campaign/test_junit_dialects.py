@@ -241,3 +241,33 @@ def test_nothing_that_speaks_of_a_failure_passes(tmp_path_factory, fault, ordina
 
     assert verdict(*fault) in {Verdict.FAILED, Verdict.ERRORED}
     assert verdict(ordinary[0], ordinary[1].replace("executed", "x"), "") is Verdict.PASSED
+
+
+@pytest.mark.parametrize("of", ["suite", "case"])
+@pytest.mark.parametrize(
+    ("attribute", "passes"),
+    [
+        *((name, False) for name in ('numFailures="1"', 'timeouts="1"', 'crashes="1"')),
+        *((name, False) for name in ('incomplete="true"', 'passed="0"', 'passed="false"')),
+        *((name, False) for name in ('timed_out="true"', 'verdict="x"', 'conclusion="failure"')),
+        *((name, True) for name in ('numFailures="0"', 'timeouts=""', 'passed="1"')),
+        *((name, True) for name in ('verdict="passed"', 'timestamp="2026-01-01T00:00:00"')),
+    ],
+)
+def test_no_attribute_that_may_speak_of_a_failure_is_ignored(
+    tmp_path: Path, of: str, attribute: str, passes: bool
+) -> None:
+    suite, case = (attribute, "") if of == "suite" else ("", attribute)
+    text = f'<testsuite tests="1" {suite}><testcase name="a" {case}/></testsuite>'
+    assert (result_of(tmp_path, text).verdict is Verdict.PASSED) == passes
+
+
+@pytest.mark.parametrize("place", ["properties", "system-err", "testcase"])
+def test_only_cases_of_a_suite_count(tmp_path: Path, place: str) -> None:
+    text = f'<testsuite tests="1"><{place}><testcase name="a"/></{place}></testsuite>'
+    assert result_of(tmp_path, text).verdict is Verdict.ERRORED
+
+
+def test_a_total_is_a_number_of_tests(tmp_path: Path) -> None:
+    text = '<testsuite total="5"><testcase name="a"/></testsuite>'
+    assert "a suite of 5 tests has 1 of them" in result_of(tmp_path, text).reason

@@ -312,7 +312,7 @@ def _window(run_dir: Path) -> tuple[int, int] | None:
     record = read_run_record(run_dir)
     try:
         return (_moment(record.started_at), _moment(record.finished_at)) if record else None
-    except ValueError:
+    except (ValueError, OverflowError):
         return None
 
 

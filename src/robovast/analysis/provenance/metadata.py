@@ -129,7 +129,8 @@ def _describe_configuration(
     name = item["name"]
     folder = layout.variant(name)
     identity = read_mapping(folder / VARIANT_RECORD, findings, name)
-    config: dict[str, Any] = item["config"] if isinstance(item.get("config"), dict) else {}
+    given = item["config"] if isinstance(item.get("config"), dict) else {}
+    config = {str(key): value for key, value in given.items()}
     variations = [dict(v) for v in item.get("_variations") or () if isinstance(v, dict)]
     entry = {
         "name": name,

@@ -33,4 +33,7 @@ def later(time: str | None, seconds: Any) -> str | None:
     """A time some seconds after another; None if either is unknown."""
     if time is None or not isinstance(seconds, int | float) or not 0 <= seconds < 1e9:
         return None
-    return (datetime.fromisoformat(time) + timedelta(seconds=seconds)).isoformat()
+    try:
+        return (datetime.fromisoformat(time) + timedelta(seconds=seconds)).isoformat()
+    except OverflowError:
+        return None

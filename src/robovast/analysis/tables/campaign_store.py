@@ -11,7 +11,7 @@ import sqlite3
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -136,7 +136,8 @@ def _units(rows: Iterable[Row]) -> Iterator[tuple[Any, ...]]:
 def _begun(rows: Iterable[Row]) -> float | None:
     """When the first of some runs began."""
     starts = (str(row["started_at"]) for row in rows if row["started_at"])
-    return min((datetime.fromisoformat(start).timestamp() for start in starts), default=None)
+    moments = (datetime.fromisoformat(start).replace(tzinfo=UTC) for start in starts)
+    return min((moment.timestamp() for moment in moments), default=None)
 
 
 def _status(verdicts: Counter[str]) -> str:

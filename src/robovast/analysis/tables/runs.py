@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from robovast.analysis.provenance.times import as_utc, from_epoch, later
 from robovast.base.errors import InputError
 from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import read_configurations
@@ -15,6 +16,8 @@ from robovast.campaign.layout import SCENARIO_CONFIG, Layout
 from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
 from robovast.model.variations.factors import FACTORS, factor_values
 
+_MOST_VALUES = 1_000
+"""Most parameters of a run that are columns; more are one column in JSON."""
 COLUMNS = {
     "config": "VARCHAR",
     "run": "INTEGER",
@@ -107,19 +110,21 @@ def _with_parameters(row: Row, parameters: object) -> tuple[Row, Mapping[str, An
 
 
 def _columns(prefix: str, values: Mapping[str, Any]) -> Row:
+    if len(values) > _MOST_VALUES:
+        return {f"{prefix}json": json.dumps(values, default=str, ensure_ascii=False)}
     return {prefix + str(name): _cell(value) for name, value in values.items()}
 
 
 def _judged(folder: Path) -> Row:
     """A run's values without a record."""
     result = result_without_record(folder)
-    start = None if result.started_at is None else datetime.fromtimestamp(result.started_at, UTC)
-    end = start + timedelta(seconds=result.duration) if start and result.duration else None
+    start = from_epoch(result.started_at)
+    end = later(start, result.duration)
     return {
         "verdict": str(result.verdict),
         "reason": result.reason,
-        "started_at": _plain_time(start),
-        "finished_at": _plain_time(end),
+        "started_at": plain_time(start),
+        "finished_at": plain_time(end),
         "duration": result.duration,
     }
 
@@ -131,20 +136,10 @@ def _scenario_config(variant: Path) -> Mapping[str, Any]:
     return inner if isinstance(inner, dict) else {}
 
 
-def plain_time(text: str) -> str | None:
-    """A time in ISO 8601 as tables have it; None if it is none."""
-    try:
-        return _plain_time(datetime.fromisoformat(text))
-    except ValueError:
-        return None
-
-
-def _plain_time(moment: datetime | None) -> str | None:
-    """A time in UTC without time zone, as stored in tables."""
-    if moment is None:
-        return None
-    aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return aware.astimezone(UTC).replace(tzinfo=None).isoformat(" ")
+def plain_time(time: str | datetime | None) -> str | None:
+    """A time in UTC without time zone, as tables have it; None if it is none."""
+    utc = as_utc(time)
+    return utc and datetime.fromisoformat(utc).replace(tzinfo=None).isoformat(" ")
 
 
 def _cell(value: Any) -> Any:

@@ -294,3 +294,11 @@ def test_a_campaign_of_another_tool_gets_one_warning(
     for name in ("configurations.yaml", "execution.yaml", "config.yaml", "sysinfo.yaml"):
         assert name in warning
     assert "another tool ran this campaign" in warning
+
+
+def test_a_key_that_is_no_text_is_described(campaign: Path) -> None:
+    path = campaign / "_transient" / "configurations.yaml"
+    data = yaml.safe_load(path.read_text())
+    data["configs"][0]["config"][1] = 3
+    path.write_text(yaml.safe_dump(data))
+    assert written(campaign)["configurations"][0]["parameters"]["1"] == 3

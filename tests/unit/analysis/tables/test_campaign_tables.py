@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
@@ -501,3 +502,30 @@ def test_names_that_are_alike_in_sql_have_columns_of_their_own(tmp_path: Path) -
     update(campaign)
     query = 'SELECT DISTINCT "factor_Width", factor_width_2, "factor_a\'b\nc" FROM runs'
     assert rows(campaign, query) == [(1, 2, 3)]
+
+
+@pytest.mark.parametrize(
+    "time", ["0001-01-01T00:00:00+23:59", "9999-12-31T23:59:59-23:59", "0001-01-01T00:00:00", "x"]
+)
+@pytest.mark.parametrize("key", ["started_at", "finished_at"])
+def test_a_time_that_no_calendar_has_is_no_time(tmp_path: Path, key: str, time: str) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    record = campaign / "c-1/0/run.json"
+    record.write_text(json.dumps({**json.loads(record.read_text()), key: time}))
+    layout = Layout(campaign)
+    update_columnar(layout, {"c-1/0": "1"})
+    update_sqlite(layout, {"c-1/0": "1"})
+    write_campaign_store(layout, campaign / "_config/c.vast", ["c-1/0"])
+    answer = ask([campaign], "SELECT started_at::VARCHAR, finished_at::VARCHAR FROM runs")
+    found = answer.rows[0][("started_at", "finished_at").index(key)]
+    assert found in {None, "0001-01-01 00:00:00"}
+
+
+def test_more_parameters_than_a_table_has_columns_are_one(tmp_path: Path) -> None:
+    campaign = finished_campaign(tmp_path, 1)
+    record = campaign / "c-1/0/run.json"
+    many = {f"p{number}": number for number in range(20_000)}
+    record.write_text(json.dumps({**json.loads(record.read_text()), "parameters": many}))
+    update_columnar(Layout(campaign), {"c-1/0": "1"})
+    ((found,),) = ask([campaign], "SELECT param_json FROM runs").rows
+    assert json.loads(found) == many
