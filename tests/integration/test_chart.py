@@ -45,8 +45,8 @@ from robovast_operator.pods.templates import notify_pod
         ({"storage": {"embedded": {"enabled": False}}}, "storage.external.endpoint is needed"),
         (
             {"metrics": {"enabled": False, "serviceMonitor": {"enabled": True}}},
-            "metrics.serviceMonitor, metrics.prometheusRule and metrics.grafanaDashboard need "
-            "metrics.enabled",
+            "metrics.serviceMonitor, metrics.prometheusRule and metrics.grafanaDashboard require "
+            "metrics.enabled=true",
         ),
     ],
 )

@@ -174,7 +174,7 @@ def test_helm_installs_one_release_and_keeps_the_keys_with_the_volume(
 
     install("robovast", namespace)
     try:
-        with pytest.raises(StartFailed, match=f"in the namespace {namespace}, already works"):
+        with pytest.raises(StartFailed, match=f"in the namespace {namespace}, already manages"):
             install("robovast", f"{namespace}-b")
         before = keys()
         helm(fake_cluster, "uninstall", "robovast", "--namespace", namespace)
