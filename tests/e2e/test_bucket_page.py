@@ -134,7 +134,7 @@ def test_what_is_wrong_is_one_sentence(place: Place, monkeypatch: pytest.MonkeyP
     table = place.store.read(place.bucket, RUNS_TABLE)
     assert table is not None
     place.store.delete(place.bucket, [RUNS_TABLE])
-    assert "its tables are made when all runs have ended" in refusal(*shown_bucket)
+    assert "They are created when all runs have finished" in refusal(*shown_bucket)
     place.store.put_bytes(place.bucket, RUNS_TABLE, table)
     assert "has no bucket of a campaign `none-such`" in refusal("--bucket", "none-such")
     assert "exclude each other" in refusal(*shown_bucket, "-r", "results")

@@ -131,7 +131,7 @@ def test_a_cluster_is_refused_before_anything_is_sent(vast) -> None:
     done = vast("exec", "cluster", "run", "--dry-run")
     assert done.returncode == 3
     assert "configuration `square`" in done.stderr
-    assert "a cluster starts none for that" in done.stderr
+    assert "a cluster does not start such containers" in done.stderr
 
 
 def test_a_drawn_plan_is_handed_to_the_container(vast, document: Path) -> None:

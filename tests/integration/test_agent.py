@@ -939,7 +939,7 @@ def test_a_disk_that_is_full_before_the_runs_is_told_and_tried_again(
     ("file", "text", "code", "told"),
     [
         ("document.vast", "version: 1\nconfigurations: []\n", 65, "configuration"),
-        ("campaign.json", '{"campaign": "x"}', 64, "no plan of this version"),
+        ("campaign.json", '{"campaign": "x"}', 64, "not a valid plan of this version"),
     ],
 )
 def test_a_wrong_plan_or_document_is_told(
@@ -1119,7 +1119,7 @@ def test_another_expansion_than_the_planned_one_is_refused(make: Make) -> None:
     campaign.change(entries=(entry.model_copy(update={"digest": variants_digest(variants[:1])}),))
     pod = Pod(campaign)
     assert pod.prepare() == 65
-    assert "`one` does not expand to the variants" in pod.message_file.read_text()
+    assert "`one` does not expand to the planned configurations" in pod.message_file.read_text()
 
 
 @one_server

@@ -105,7 +105,7 @@ def test_before_the_end_there_are_no_tables(
     store: ObjectStore, bucket: str, campaign: Path
 ) -> None:
     for _ in range(2):
-        with pytest.raises(InputError, match="nothing to ask in the bucket"):
+        with pytest.raises(InputError, match="contains no tables yet"):
             tables_in(store, bucket, campaign.name)
         write_index(store, bucket, campaign)
 

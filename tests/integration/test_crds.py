@@ -45,7 +45,7 @@ def change(server: Cluster, spec: dict[str, Any]) -> str:
     ("spec", "said"),
     [
         ({"runs": 2}, "can only be raised"),
-        ({"attempt": 3}, "by one at a time"),
+        ({"attempt": 3}, "can only be increased by one"),
         ({"image": "another"}, "`image` cannot be changed"),
         ({"storage": {"prefix": "other"}}, "`storage` cannot be changed"),
         ({"source": {"configMap": {"name": "x"}}}, "cannot be changed"),
@@ -153,7 +153,7 @@ def test_every_field_is_explained(server: Cluster) -> None:
     assert "minPassRatio" in text
     assert "runs_per_job" in text
     told = server.kubectl("explain", "campaign.spec.vast.execution.runs_per_job")
-    assert "How many runs share one job" in told
+    assert "Number of runs that share one job" in told
     told = server.kubectl("explain", "campaign.status.failedRuns")
     assert "as ranges" in told
 

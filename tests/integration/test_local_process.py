@@ -423,7 +423,7 @@ def test_who_edits_inputs_of_a_campaign_is_told_that_further_runs_differ(
         file.write("# edited\n")
     resume(campaign, edited, select="one-3", runs=3)
     (told,) = [text for text in edited.messages if "edited" in text]
-    assert told.startswith(f"{campaign}/_config/{name}: edited since the campaign began")
+    assert told.startswith(f"{campaign}/_config/{name}: edited after the start of the campaign")
     assert told in (campaign / "_execution/controller.log").read_text()
     (campaign / "_execution/inputs.json").unlink()
     resume(campaign, older, select="one-3", runs=4)
@@ -510,7 +510,7 @@ def test_two_programs_do_not_execute_one_campaign(tmp_path: Path) -> None:
     (summary.campaign / ".running").mkdir()
     with (summary.campaign / ".running" / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        with pytest.raises(StorageError, match="another `vast` is executing this campaign"):
+        with pytest.raises(StorageError, match="another `vast` is running this campaign"):
             resume(summary.campaign, runs=9)
     assert read_mapping(summary.campaign / "_execution" / "execution.yaml")["runs"] != 9
 

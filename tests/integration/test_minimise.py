@@ -123,7 +123,7 @@ def test_a_budget_ends_it_and_more_goes_on(tmp_path: Path) -> None:
     text = steps.read_text()
     for old, new, why in (
         ("name: hall-2-m1\n", "name: ../../hall\n", "is damaged"),
-        ("level: 3\n", "level: 9\n", "has been edited"),
+        ("level: 3\n", "level: 9\n", "was edited"),
         ("configs:", "configs: []\nothers:", "has no configuration `hall-2`"),
         ("name: hall-2-m1\n", "label: x\n", "is damaged"),
     ):
@@ -143,7 +143,10 @@ def test_a_budget_ends_it_and_more_goes_on(tmp_path: Path) -> None:
     assert (done.returncode, record(failing)["end"]) == (0, "minimal"), done.stdout
     resume = [VAST, "exec", "local", "run", "--resume", folder]
     done = subprocess.run(resume, capture_output=True, text=True)
-    assert (done.returncode, "`vast minimise --resume` continues it" in done.stderr) == (2, True)
+    assert (done.returncode, "Continue it with `vast minimise --resume`" in done.stderr) == (
+        2,
+        True,
+    )
 
 
 def test_what_cannot_be_minimised_is_one_message(tmp_path: Path) -> None:
@@ -162,7 +165,7 @@ def test_what_cannot_be_minimised_is_one_message(tmp_path: Path) -> None:
     text = path.read_text()
     path.write_text(text.replace('"failed"', '"errored"'))
     code, said = minimise(failing)
-    assert (code, "so that it says nothing of the robot" in said) == (2, True)
+    assert (code, "so the run does not show a fault of the robot" in said) == (2, True)
     path.write_text(text)
     (sound / "_config/files/step.sh").unlink()
     code, said = minimise(failing)

@@ -192,7 +192,7 @@ def test_a_secret_that_is_missing_or_holds_no_url_is_told_by_its_name(pod: Pod, 
     named = pod.secret("url", text) if text else {"name": "phone", "key": "url"}
     ended = pod.send(urlFrom=named)
     assert ended.code == 65
-    assert "`phone`" in ended.message or "none of http" in ended.message
+    assert "`phone`" in ended.message or "must start with http" in ended.message
     assert not text or text not in ended.said
 
 

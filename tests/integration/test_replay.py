@@ -176,7 +176,7 @@ def test_a_run_is_replayed_in_the_environment_that_executed_it(
     assert json.loads((folder / "run.json").read_text())["image"] == "process:other"
     monkeypatch.delenv("ROBOVAST_PROCESS_ENV")
     code, said = replay(folder)
-    assert (code, said.count("was executed in the environment other, which is not here")) == (3, 1)
+    assert (code, said.count("ran in the environment other, which is missing")) == (3, 1)
     assert not (tmp_path / "replays").exists()
     assert "same verdict" in replay(folder, "--runtime", "process")[1]
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

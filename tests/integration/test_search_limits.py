@@ -128,7 +128,7 @@ def test_03_errored_runs_are_no_evidence_and_never_the_best_value(tmp_path: Path
     assert summary.stop is not None
     assert summary.stop.kind == "errors"
     assert len(summary.records) == 4, "a set without a verdict is asked once more, then left out"
-    assert "they are run once more" in " ".join(recorder.messages)
+    assert "they are run again" in " ".join(recorder.messages)
     assert summary.report is not None
     assert summary.report.evaluations == [], "an errored run is no evidence"
 

@@ -213,7 +213,7 @@ def test_what_is_refused_changes_nothing(tmp_path: Path) -> None:
     before = record.read_text()
     with (
         exclusive_folder(Layout(summary.campaign).running, ""),
-        pytest.raises(StorageError, match="another `vast` is executing this campaign"),
+        pytest.raises(StorageError, match="another `vast` is running this campaign"),
     ):
         resume(summary.campaign, LocalOptions(runtime="process", batches=9), Recorder())
     assert record.read_text() == before

@@ -404,5 +404,7 @@ def test_keys_of_another_server_are_named_with_the_secret_that_has_them(
 ) -> None:
     keys = Credentials("another-server", "secret-of-another-server")
     store = ObjectStore(Endpoint.parse(f"http://{s3_server.endpoint}"), keys, patience=1)
-    with pytest.raises(StorageError, match=r"keys are those of another server.*robovast-storage"):
+    with pytest.raises(
+        StorageError, match=r"keys are outdated or belong to another server.*robovast-storage"
+    ):
         list(store.objects(bucket))

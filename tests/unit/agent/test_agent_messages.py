@@ -55,7 +55,7 @@ def test_a_message_that_has_no_room_does_not_change_how_a_container_ends(
         code = main(["finish", f"--plan={tmp_path}", f"--message={path}"])
     assert code == AgentExit.BAD_PLAN
     assert path.read_text() == "", "Kubernetes reads the log in its place"
-    assert "no plan of this version" in capsys.readouterr().err
+    assert "not a valid plan of this version" in capsys.readouterr().err
 
 
 def entry(id_: int, verdict: Verdict, attempt: int = 1) -> dict[str, object]:

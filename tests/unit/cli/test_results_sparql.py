@@ -98,7 +98,9 @@ def test_a_table_of_several_campaigns_names_them(
     assert f"\n{NAME}/hall-1-2/0  failed" in out
     (described / NAME / "metadata.prov.json").unlink()
     vast("results", "sparql", "failed-runs")
-    said = f"{NAME}: no metadata.prov.json, left out; `vast results metadata` writes it"
+    said = (
+        f"{NAME}: skipped, because metadata.prov.json is missing; `vast results metadata` writes it"
+    )
     assert said in caplog.text
 
 

@@ -72,7 +72,7 @@ def test_what_is_no_bag_is_an_error_in_words(tmp_path: Path) -> None:
             read_timeline(tmp_path, "rosbag2")
         (tmp_path / "rosbag2" / name).unlink()
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="no folder"):
+    with pytest.raises(InputError, match="is not a folder"):
         read_timeline(tmp_path, "file")
 
 

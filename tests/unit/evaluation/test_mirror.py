@@ -40,7 +40,7 @@ def test_amounts_are_those_of_kubernetes(amount: str, size: float) -> None:
 
 @pytest.mark.parametrize("amount", ["", "Gi", "20 Gi", "20gi", "-1Gi", "i", "20i"])
 def test_others_are_refused(amount: str) -> None:
-    with pytest.raises(ValueError, match="amount of storage"):
+    with pytest.raises(ValueError, match="is not a valid size"):
         in_bytes(amount)
 
 

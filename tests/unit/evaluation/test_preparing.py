@@ -89,7 +89,7 @@ def test_one_that_is_killed_is_no_longer_waited_for(tmp_path: Path) -> None:
     made.start()
     eventually(lambda: not made.state().running)
     assert made.state() == Prepared(1, 2, False, False)
-    assert "was ended by SIGKILL; `vast results postprocess` does the rest" in said[-1]
+    assert "was stopped by SIGKILL. Complete it with `vast results postprocess`" in said[-1]
     eventually(lambda: not marked(SLEEP))
 
 

@@ -46,7 +46,7 @@ def test_a_failure_map_its_sets_and_its_critical_values(tmp_path: Path) -> None:
     assert max(sets["x"]["places"]) <= 1.0
     with pytest.raises(InputError, match="two different parameters"):
         search.map("speed", "speed", {})
-    with pytest.raises(InputError, match="`sped` is no parameter"):
+    with pytest.raises(InputError, match="`sped` is not a parameter"):
         search.sets("sped", "load")
 
 
@@ -56,7 +56,7 @@ def test_an_archive_and_a_front(tmp_path: Path) -> None:
     sets = archive.sets("way", "time")
     assert (sets["x"]["bins"], sets["x"]["ticks"][-1]) == (8, (1.0, "9"))
     assert len(sets["best"]) == archive.overview["report"]["num_elites"][-1]
-    with pytest.raises(InputError, match="makes no failure map"):
+    with pytest.raises(InputError, match="provides no failure map"):
         archive.map("speed", "load", {})
     front = found(write_search(tmp_path / "results", "both-2026-03-07-110000", **SEVERAL))
     sets = front.sets("failure_rate", "time")
@@ -74,7 +74,7 @@ def test_code_in_a_stored_campaign_is_not_executed(tmp_path: Path) -> None:
     search = found(root)
     assert (search.overview["built_in"], search.overview["shown"]) == (False, "")
     assert len(search.sets("speed", "load")["config"]) == 48
-    with pytest.raises(InputError, match="makes no failure map"):
+    with pytest.raises(InputError, match="provides no failure map"):
         search.map("speed", "load", {})
     assert not (root / "_config" / "stolen").exists()
 
@@ -127,7 +127,7 @@ def test_a_place_that_is_none_is_refused(tmp_path: Path, at: str) -> None:
     root = write_search(tmp_path / "results", batches=1)
     scope = {"type": "http", "path_params": {"campaign": root.name}}
     query = urlencode({"x": "speed", "y": "load", "at": at}).encode()
-    with pytest.raises(InputError, match="is no place of a search"):
+    with pytest.raises(InputError, match="is not a valid position in a search"):
         SearchPages(Library(root.parent)).map(Request(scope | {"query_string": query}))
 
 

@@ -68,5 +68,5 @@ def test_parameters_of_any_kind_are_data(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("sql", ["CREATE TABLE other AS SELECT 1", "CREATE TABLE runs AS SELECT 1"])
 def test_tables_of_something_else_are_named_as_such(tmp_path: Path, sql: str) -> None:
-    with pytest.raises(StorageError, match="the tables are not those of a campaign"):
+    with pytest.raises(StorageError, match="the tables are not tables of a campaign"):
         read_variants(write_tables(tmp_path, sql))

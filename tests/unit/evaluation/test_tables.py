@@ -53,7 +53,7 @@ def test_usage_is_the_sum_of_the_processes(tmp_path: Path) -> None:
 
 def test_another_table_is_no_usage(tmp_path: Path) -> None:
     (tmp_path / "u.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="no record of resource usage"):
+    with pytest.raises(InputError, match="not a record of resource usage"):
         read_usage(tmp_path, "u.csv")
 
 

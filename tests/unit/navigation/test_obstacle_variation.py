@@ -208,8 +208,8 @@ def test_a_trigger_needs_a_path(expanded) -> None:
     ("kind", "reason"),
     [
         ({"amount": -1}, "must be at least 0"),
-        ({"amount": 1, "amount_per_m": 1.0}, "one of both"),
-        ({}, "one of both"),
+        ({"amount": 1, "amount_per_m": 1.0}, "set either `amount` or"),
+        ({}, "set either `amount` or"),
         ({"amount": 1, "max_distance": -2.0}, "max_distance"),
         ({"amount": 1, "xacro_arguments": "width:=-0.5"}, "`width` of an obstacle must be"),
         ({"amount": 1, "xacro_arguments": "radius:=0"}, "`radius` of an obstacle must be"),

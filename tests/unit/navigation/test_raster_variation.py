@@ -98,5 +98,5 @@ def test_what_cannot_be(expanded, changes, reason: str) -> None:
 
 def test_more_paths_than_any_campaign_wants(expanded, monkeypatch) -> None:
     monkeypatch.setattr(raster, "MOST_PATHS", 20)
-    with pytest.raises(InputError, match="gives more than 20 paths; make it wider"):
+    with pytest.raises(InputError, match="gives more than 20 paths; use a wider"):
         expanded(rasterized(start_pose="@start_pose"))

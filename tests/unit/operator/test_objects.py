@@ -294,7 +294,7 @@ def test_a_document_says_how_much_disk_a_pod_needs_within_what_is_allowed() -> N
     assert containers(job)["agent"]["resources"]["requests"]["ephemeral-storage"] == amount
     refused = accept(obj, FILES, replace(SETTINGS, work_limit="5Gi"))
     assert isinstance(refused, Rejected)
-    assert "no more than 5Gi, which this installation allows; whoever" in refused.message
+    assert "no more than 5Gi, the limit of this installation; your" in refused.message
     assert "`agent.diskLimit`" in refused.message
 
 
@@ -305,8 +305,8 @@ def test_a_document_says_how_much_disk_a_pod_needs_within_what_is_allowed() -> N
         ({"resources": {"shm_size": 0}}, "more than nothing"),
         ({"resources": {"memory": 4}}, "did you mean `4Gi`"),
         ({"kubernetes": {"ephemeral_storage": 20}}, "did you mean `20Gi`"),
-        ({"kubernetes": {"gpu_resource": [{"gcp": "memory"}]}}, "no name of a resource"),
-        ({"kubernetes": {"ephemeral_storage": "much"}}, "not an amount"),
+        ({"kubernetes": {"gpu_resource": [{"gcp": "memory"}]}}, "not a valid name of a resource"),
+        ({"kubernetes": {"ephemeral_storage": "much"}}, "not a valid quantity"),
     ],
 )
 def test_what_no_pod_can_have_is_refused(execution: dict[str, Any], message: str) -> None:

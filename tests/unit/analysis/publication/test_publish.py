@@ -230,7 +230,7 @@ def test_a_wrong_section_is_shown_in_its_file(tmp_path: Path) -> None:
 def test_the_file_of_a_campaign_with_several_is_the_recorded_one(tmp_path: Path) -> None:
     campaign = make(tmp_path, "a", "p.py:some")
     (campaign / "_config" / "other.vast").touch()
-    with pytest.raises(InputError, match=r"which \.vast file it was made from"):
+    with pytest.raises(InputError, match=r"does not contain the \.vast file of the campaign"):
         run([campaign])
     (campaign / "_transient").mkdir()
     (campaign / "_transient" / "configurations.yaml").write_text("vast: x.vast\n")

@@ -51,7 +51,7 @@ def test_each_configuration_is_in_one_of_the_parts_which_are_as_equal_as_possibl
     [
         ("3/2", "`3/2`: of 2 parts there is none"),
         ("0/2", "`0/2`: of 2 parts there is none"),
-        ("5/5", "configurations to divide is only 4"),
+        ("5/5", "there are only 4 configurations"),
     ],
 )
 def test_a_part_that_is_empty_is_refused(pattern: str, told: str) -> None:
