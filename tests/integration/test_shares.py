@@ -6,6 +6,7 @@ import io
 import json
 import os
 import resource
+import subprocess
 import tarfile
 import time
 from collections.abc import Iterator
@@ -14,9 +15,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from google.auth.credentials import AnonymousCredentials
 from support.faults.small_disk import small_disk
+from support.servers.gcs_gate import Gate
+from support.servers.page import VAST
 from support.servers.share_places import Place, gcs, sftp, webdav
-from support.servers.shares import PASSWORD, USER, Gcs, webdav_process
+from support.servers.shares import PASSWORD, USER, webdav_process
 
 from robovast.base.errors import InputError, RobovastError, StorageError
 from robovast.storage.shares import gcs as gcs_module
@@ -31,7 +35,7 @@ ARCHIVE = f"{NAME}.tar.gz"
 @pytest.fixture(autouse=True)
 def own_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in os.environ:
-        if name.startswith(("ROBOVAST_", gcs_module.EMULATOR)):
+        if name.startswith(("ROBOVAST_", "GOOGLE_", gcs_module.EMULATOR)):
             monkeypatch.delenv(name)
     (tmp_path / "project").mkdir()
     monkeypatch.chdir(tmp_path / "project")
@@ -54,16 +58,31 @@ def service_account() -> str:
 KINDS = ("webdav", "nextcloud", "sftp", "gcs")
 
 
-@pytest.fixture(params=KINDS)
-def place(request: pytest.FixtureRequest, tmp_path: Path, service_account: str) -> Iterator[Place]:
+@pytest.fixture(scope="session", params=KINDS)
+def share_type(request: pytest.FixtureRequest) -> str:
+    """A type whose server can be had; one that must be built is built in the user's environment."""
+    if request.param == "gcs":
+        request.getfixturevalue("gcs_server")
+    return str(request.param)
+
+
+@pytest.fixture
+def place(
+    share_type: str,
+    request: pytest.FixtureRequest,
+    tmp_path: Path,
+    service_account: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Iterator[Place]:
     with ExitStack() as stack:
         (tmp_path / "server").mkdir()
-        if request.param == "gcs":
-            yield gcs(stack, service_account)[0]
-        elif request.param == "sftp":
-            yield sftp(stack, tmp_path / "server", request.param)
+        if share_type == "gcs":
+            monkeypatch.setattr(gcs_module, "PART", MIB)
+            yield gcs(stack, request.getfixturevalue("gcs_server"), service_account)[0]
+        elif share_type == "sftp":
+            yield sftp(stack, tmp_path / "server", share_type)
         else:
-            yield webdav(stack, tmp_path / "server", request.param)
+            yield webdav(stack, tmp_path / "server", share_type)
 
 
 @pytest.fixture
@@ -154,7 +173,7 @@ def test_an_archive_is_replaced_and_removed(share: Share, place: Place, tmp_path
     share.remove(share.chosen([NAME])[0])
     assert place.names() == set()
     assert not share.provider.archive_exists_on_share(ARCHIVE)
-    with pytest.raises(InputError, match=r"no campaign `my camp.*it has none"):
+    with pytest.raises(InputError, match=r"no campaign `my camp.*Available: none"):
         share.chosen([NAME])
     with pytest.raises(InputError, match=r"there is no"):
         share.provider.remove_archive(ARCHIVE)
@@ -245,7 +264,8 @@ def test_a_server_that_is_not_there_is_told_soon(
 ) -> None:
     from robovast.storage import http_client
 
-    monkeypatch.setattr(http_client, "FIRST_CONTACT", 0.1)
+    for module in (http_client, gcs_module):
+        monkeypatch.setattr(module, "FIRST_CONTACT", 0.1)
     place.proxy.close()
     with open_share() as other, pytest.raises(StorageError, match="network up"):
         other.campaigns()
@@ -368,27 +388,56 @@ class TestSftp:
 class TestGcs:
     @pytest.fixture
     def server(
-        self, monkeypatch: pytest.MonkeyPatch, service_account: str
-    ) -> Iterator[tuple[Place, Gcs]]:
+        self, monkeypatch: pytest.MonkeyPatch, gcs_server: str, service_account: str
+    ) -> Iterator[tuple[Place, Gate]]:
         with ExitStack() as stack:
-            place, server = gcs(stack, service_account)
+            place, gate = gcs(stack, gcs_server, service_account)
             for name, value in place.env.items():
                 monkeypatch.setenv(name, value)
             monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "gcs")
-            yield place, server
+            yield place, gate
 
     def test_an_upload_goes_on_behind_what_arrived(
-        self, server: tuple[Place, Gcs], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        self, server: tuple[Place, Gate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(gcs_module, "PART", 2**18)
-        server[1].cut_parts = 2
-        path = archive(tmp_path)
+        monkeypatch.setattr(gcs_module, "PART", 2**19)
+        server[1].halves = 2
+        path, seen = archive(tmp_path), list[int]()
         with open_share() as share:
-            put(share, path)
+            share.provider.upload_archive(str(path), path.name, lambda done, _: seen.append(done))
         assert server[0].content(ARCHIVE) == path.read_bytes()
+        assert seen == [2**18, 2**19, MIB, path.stat().st_size]
+
+    def test_an_upload_that_is_never_stored_ends(
+        self, server: tuple[Place, Gate], tmp_path: Path
+    ) -> None:
+        server[1].stores_nothing = True
+        with open_share() as share, pytest.raises(StorageError, match="3 times without storing it"):
+            put(share, archive(tmp_path))
+        assert server[0].names() == set()
+
+    def test_an_archive_that_arrives_damaged_is_refused(
+        self, server: tuple[Place, Gate], tmp_path: Path
+    ) -> None:
+        server[1].damages = True
+        with open_share() as share, pytest.raises(StorageError, match="is damaged, or was changed"):
+            put(share, archive(tmp_path))
+
+    def test_a_list_of_several_pages_is_read_to_its_end(
+        self, server: tuple[Place, Gate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(gcs_module, "PAGE", 1)
+        names = [f"{name}.tar.gz" for name in "abc"]
+        with open_share() as share:
+            for name in names:
+                (tmp_path / name).write_text(name)
+                put(share, tmp_path / name)
+            assert [item.archive for item in share.campaigns()] == names
+        lists = [line for line in server[1].log if line.startswith("GET") and line.endswith("/o")]
+        assert len(lists) == 3
 
     def test_a_public_bucket_needs_no_key(
-        self, server: tuple[Place, Gcs], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+        self, server: tuple[Place, Gate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         with open_share() as share:
             put(share, archive(tmp_path, 1000))
@@ -401,14 +450,85 @@ class TestGcs:
             with pytest.raises(InputError, match="ROBOVAST_GCS_KEY_FILE"):
                 share.provider.verify_access()
 
-    def test_the_account_must_be_allowed_to_upload(self, server: tuple[Place, Gcs]) -> None:
+    def test_the_account_must_be_allowed_to_upload(self, server: tuple[Place, Gate]) -> None:
         server[1].permissions.clear()
         with open_share() as share, pytest.raises(StorageError, match="Storage Object Creator"):
             share.provider.verify_access()
 
-    def test_one_token_serves_several_requests(self, server: tuple[Place, Gcs]) -> None:
+    def test_one_token_serves_several_requests(self, server: tuple[Place, Gate]) -> None:
         with open_share() as share:
             share.campaigns()
             share.provider.verify_access()
         assert len(server[1].assertions) == 1
         assert server[1].assertions[0].count(".") == 2
+
+    def test_a_key_that_google_denies_is_to_be_checked(self, server: tuple[Place, Gate]) -> None:
+        server[1].denies_keys = True
+        with open_share() as share, pytest.raises(StorageError) as caught:
+            share.verify()
+        assert (
+            "there is no access token (invalid_grant: Invalid JWT Signature.). Check the key in "
+            "ROBOVAST_GCS_KEY_FILE." in str(caught.value)
+        )
+        assert not [secret for secret in server[0].secrets if secret in str(caught.value)]
+
+    def test_a_login_serves_as_an_account(
+        self, server: tuple[Place, Gate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Google's libraries call it application default credentials; pods have no part of it."""
+        place, gate = server
+        monkeypatch.delenv("STORAGE_EMULATOR_HOST")  # of which a login is none of the business
+        monkeypatch.delenv("ROBOVAST_GCS_KEY_JSON")
+        monkeypatch.setenv("API_ENDPOINT_OVERRIDE", f"http://{place.proxy.address}")
+        login = {"type": "service_account", **json.loads(place.env["ROBOVAST_GCS_KEY_JSON"])}
+        (tmp_path / "login.json").write_text(json.dumps(login))
+        monkeypatch.setenv("GOOGLE_APPLICATION_CREDENTIALS", str(tmp_path / "login.json"))
+        path = archive(tmp_path)
+        with open_share() as share:
+            share.verify()
+            put(share, path)
+            assert set(share.provider.build_pod_env()) == {
+                "ROBOVAST_GCS_BUCKET",
+                "ROBOVAST_GCS_PREFIX",
+            }
+        assert place.content(ARCHIVE) == path.read_bytes()
+        assert len(gate.assertions) == 1
+        (tmp_path / "login.json").unlink()
+        with open_share() as share, pytest.raises(InputError, match=r"CREDENTIALS: .*login\.json"):
+            share.campaigns()
+
+    def test_the_identity_of_a_workload_serves_as_an_account(
+        self, server: tuple[Place, Gate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Pods and machines of Google ask a server of metadata, whose address is read early."""
+        place, gate = server
+        with open_share() as share:
+            put(share, archive(tmp_path, 1000))
+        own = {name: value for name, value in os.environ.items() if "KEY" not in name}
+        del own["STORAGE_EMULATOR_HOST"]
+        env = {
+            **own,
+            "API_ENDPOINT_OVERRIDE": f"http://{place.proxy.address}",
+            "GCE_METADATA_HOST": gate.address,
+            "GCE_METADATA_IP": gate.address,
+        }
+        command = [VAST, "results", "remove-from-share", "--yes", "-i", NAME]
+        result = subprocess.run(command, env=env, capture_output=True, text=True, timeout=120)
+        assert (result.returncode, result.stderr) == (0, "")
+        assert place.names() == set()
+
+
+def test_an_own_login_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    metadata = "google.auth.compute_engine._metadata._NO_GCE_CHECK"
+    monkeypatch.setattr(metadata, True)
+    assert isinstance(gcs_module._credentials(), AnonymousCredentials)
+    folder = tmp_path / ".config" / "gcloud"
+    folder.mkdir(parents=True)
+    login = {
+        "client_id": "c",
+        "client_secret": "s",
+        "refresh_token": "r",
+        "type": "authorized_user",
+    }
+    (folder / "application_default_credentials.json").write_text(json.dumps(login))
+    assert gcs_module._credentials().refresh_token == "r"

@@ -16,7 +16,7 @@ class Extra:
 
     name: str
     packages: tuple[str, ...]
-    """The packages' import names."""
+    """The packages' import names; with dots where several packages share a folder."""
 
     def require(self, what: str) -> None:
         """Check that the packages are installed, without importing them.
@@ -28,7 +28,7 @@ class Extra:
             CannotRunError: a package is not installed.
         """
         for package in self.packages:
-            if find_spec(package) is None:
+            if not _is_installed(package):
                 raise self.missing(package, what)
 
     @contextlib.contextmanager
@@ -44,10 +44,19 @@ class Extra:
         try:
             yield
         except ModuleNotFoundError as error:
-            package = _package(error)
-            if package not in self.packages:
+            package = self.lacking(error)
+            if package is None:
                 raise
             raise self.missing(package, what) from None
+
+    def lacking(self, error: ModuleNotFoundError) -> str | None:
+        """Return the package of the extra that an import did not find; None if it is another."""
+        parts = (error.name or "").split(".")
+        for package in self.packages:
+            names = package.split(".")
+            if all(part == name for part, name in zip(parts, names, strict=False)):
+                return package
+        return None
 
     def missing(self, package: str, what: str) -> CannotRunError:
         """Return the error about a package of the extra that is not installed."""
@@ -61,6 +70,13 @@ class Extra:
 
 ANALYSIS = Extra("analysis", ("matplotlib", "pandas"))
 CLUSTER = Extra("cluster", ("anyio", "certifi", "dotenv", "kubernetes", "minio", "urllib3"))
+GCS = Extra(
+    "gcs",
+    (
+        *("certifi", "dotenv", "google.api_core", "google.auth", "google.cloud.storage"),
+        *("google.resumable_media", "requests", "urllib3"),
+    ),
+)
 GUI = Extra("gui", ("starlette", "uvicorn"))
 MCP = Extra("mcp", ("anyio", "fastmcp"))
 NAV = Extra("nav", ("manifold3d", "numpy", "PIL", "scipy", "shapely", "textx"))
@@ -71,12 +87,12 @@ QUERY = Extra("query", ("duckdb", "fsspec", "pyoxigraph"))
 RERUN = Extra("rerun", ("rerun_cli",))
 ROS = Extra("ros", ("lz4", "mcap", "numpy", "orjson", "rosbags", "zstandard"))
 SEARCH = Extra("search", ("numpy", "scipy"))
-SHARE = Extra("share", ("certifi", "cryptography", "dotenv", "paramiko", "urllib3"))
+SHARE = Extra("share", ("certifi", "dotenv", "paramiko", "urllib3"))
 VIDEO = Extra("video", ("av",))
 
 EXTRAS = (
     *(SHARE, CLUSTER, NAV, ROS, SEARCH, OPTUNA, QUERY),
-    *(GUI, NOTEBOOKS, MCP, ANALYSIS, VIDEO, RERUN, OPERATOR),
+    *(GUI, NOTEBOOKS, MCP, ANALYSIS, VIDEO, RERUN, GCS, OPERATOR),
 )
 """All extras; of those that share a package, the first is named if the feature is unknown."""
 
@@ -85,10 +101,14 @@ def missing_extra(error: BaseException, what: str = "This feature") -> CannotRun
     """Return the error for users if an import failed because an extra is missing, else None."""
     if not isinstance(error, ModuleNotFoundError):
         return None
-    package = _package(error)
-    extra = next((extra for extra in EXTRAS if package in extra.packages), None)
-    return extra.missing(package, what) if extra is not None else None
+    for extra in EXTRAS:
+        if package := extra.lacking(error):
+            return extra.missing(package, what)
+    return None
 
 
-def _package(error: ModuleNotFoundError) -> str:
-    return (error.name or "").partition(".")[0]
+def _is_installed(package: str) -> bool:
+    try:
+        return find_spec(package) is not None
+    except ModuleNotFoundError:  # its folder is missing
+        return False

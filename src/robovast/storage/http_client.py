@@ -89,7 +89,7 @@ class HttpClient:
         """
         self.name = name
         self._headers = dict(headers)
-        self._remedies = {**_REMEDIES, **(remedies or {})}
+        self._remedies = remedies or {}
         self._secrets = [secret for secret in secrets if len(secret) >= _SHORTEST_SECRET]
         self._patience = patience
         self._has_answered = False
@@ -181,43 +181,69 @@ class HttpClient:
         return Pauses(min(self._patience, FIRST_CONTACT))
 
     def _refused(self, attempt: str, answer: urllib3.BaseHTTPResponse) -> HttpError:
-        status = answer.status
-        said = self._quoted(answer)
-        location = answer.headers.get("Location")
-        if 300 <= status < 400 and location:
-            said = f"it has moved to {urlsplit(location)._replace(query='').geturl()}"
-        remedy = self._remedies.get(status) or self._remedies.get(status // 100 * 100, "")
-        wait = answer.headers.get("Retry-After")
-        if status == 429 and wait:
-            remedy = f"It asks to wait for {wait} s."
-        cause = f"{status}" + (f", {said}" if said else "")
-        return HttpError(
-            self._clean(f"{self.name}: cannot {attempt} ({cause}). {remedy}".rstrip()), status
-        )
+        try:
+            content = answer.data
+        except HTTPError:
+            content = b""
+        start = f"{self.name}: cannot {attempt}"
+        error = refused(start, answer.status, answer.headers, content, self._remedies)
+        return HttpError(self._clean(str(error)), error.status)
 
     def _unreachable(self, attempt: str, url: str, error: HTTPError) -> StorageError:
-        place = urlsplit(url)
-        reason = str(getattr(error, "reason", None) or error).rpartition(": ")[2]
-        return StorageError(
-            self._clean(
-                f"{self.name}: cannot {attempt}: {place.scheme}://{place.netloc} does not answer "
-                f"as it should ({reason}). Is the address right, and the network up?"
-            )
-        )
-
-    def _quoted(self, answer: urllib3.BaseHTTPResponse) -> str:
-        try:
-            text = answer.data.decode("utf-8", "replace").strip()
-        except HTTPError:
-            return ""
-        if text.startswith("{"):
-            text = _message(text)
-        return "" if text.startswith("<") else " ".join(text.split())[:_LONGEST_QUOTE]
+        reason = getattr(error, "reason", None) or error
+        message = str(unreachable(f"{self.name}: cannot {attempt}", url, reason))
+        return StorageError(self._clean(message))
 
     def _clean(self, message: str) -> str:
         for secret in self._secrets:
             message = message.replace(secret, "…")
         return message
+
+
+def refused(
+    start: str, status: int, headers: Mapping[str, str], content: bytes, remedies: Mapping[int, str]
+) -> HttpError:
+    """Return the error about a request that a server refused.
+
+    Args:
+        start: the beginning of the message: the server and the attempt.
+        status: the HTTP status.
+        headers: headers of the response.
+        content: body of the response.
+        remedies: remedies by status, which precede those for all servers.
+    """
+    said, location, wait = _quoted(content), headers.get("Location"), headers.get("Retry-After")
+    if 300 <= status < 400 and location:
+        said = f"it has moved to {urlsplit(location)._replace(query='').geturl()}"
+    known = {**_REMEDIES, **remedies}
+    remedy = known.get(status) or known.get(status // 100 * 100, "")
+    if status == 429 and wait:
+        remedy = f"It asks to wait for {wait} s."
+    cause = f"{status}" + (f", {said}" if said else "")
+    return HttpError(f"{start} ({cause}). {remedy}".rstrip(), status)
+
+
+def unreachable(start: str, url: str, reason: object) -> StorageError:
+    """Return the error about a server that gives no valid HTTP response.
+
+    Args:
+        start: the beginning of the message: the server and the attempt.
+        url: address of the request.
+        reason: the cause.
+    """
+    place = urlsplit(url)
+    return StorageError(
+        f"{start}: {place.scheme}://{place.netloc} does not answer as it should "
+        f"({str(reason).rpartition(': ')[2]}). Is the address right, and the network up?"
+    )
+
+
+def _quoted(content: bytes) -> str:
+    """Return the message in the body of a response; empty for a page of HTML or XML."""
+    text = content.decode("utf-8", "replace").strip()
+    if text.startswith("{"):
+        text = _message(text)
+    return "" if text.startswith("<") else " ".join(text.split())[:_LONGEST_QUOTE]
 
 
 def _message(text: str) -> str:

@@ -7,14 +7,17 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from urllib.parse import quote
+from uuid import uuid4
+
+import urllib3
 
 from support.servers.cutting_proxy import CuttingProxy, cutting_proxy
+from support.servers.gcs_gate import TOKEN, Gate, gcs_gate
 from support.servers.shares import (
     PASSWORD,
     USER,
-    Gcs,
     SftpServer,
-    gcs_server,
     sftp_server,
     webdav_server,
 )
@@ -84,23 +87,29 @@ def sftp(stack: ExitStack, root: Path, kind: str) -> Place:
     )
 
 
-def gcs(stack: ExitStack, pem: str) -> tuple[Place, Gcs]:
-    server = stack.enter_context(gcs_server())
-    proxy = stack.enter_context(cutting_proxy(server.address.removeprefix("http://")))
-    server.address = f"http://{proxy.address}"
-    key = {"client_email": "a@b", "private_key": pem, "token_uri": f"{server.address}/token"}
+def gcs(stack: ExitStack, server: str, pem: str) -> tuple[Place, Gate]:
+    """A bucket of its own on fake-gcs-server, behind a gate that checks accounts."""
+    gate = stack.enter_context(gcs_gate(server))
+    proxy = stack.enter_context(cutting_proxy(gate.address))
+    bucket = f"bucket-{uuid4().hex}"
+    address = f"http://{proxy.address}"
+    key = {"client_email": "a@b", "private_key": pem, "token_uri": f"{address}/token"}
     env = {
-        "ROBOVAST_GCS_BUCKET": "bucket",
+        "ROBOVAST_GCS_BUCKET": bucket,
         "ROBOVAST_GCS_PREFIX": "a folder/",
         "ROBOVAST_GCS_KEY_JSON": json.dumps(key),
-        "STORAGE_EMULATOR_HOST": server.address,
+        "STORAGE_EMULATOR_HOST": address,
     }
-    place = Place(
-        "gcs",
-        env,
-        proxy,
-        lambda: {name.removeprefix("a folder/") for name in server.objects},
-        lambda name: server.objects[f"a folder/{name}"],
-        [pem.splitlines()[1], "gcs-token"],
-    )
-    return place, server
+    api = f"http://{server}/storage/v1/b"
+    assert urllib3.request("POST", api, json={"name": bucket}).status == 200
+    objects = f"{api}/{bucket}/o"
+
+    def names() -> set[str]:
+        found = urllib3.request("GET", objects).json().get("items", [])
+        return {item["name"].removeprefix("a folder/") for item in found}
+
+    def content(name: str) -> bytes:
+        address = f"{objects}/{quote(f'a folder/{name}', safe='')}?alt=media"
+        return urllib3.request("GET", address).data
+
+    return Place("gcs", env, proxy, names, content, [pem.splitlines()[1], TOKEN]), gate

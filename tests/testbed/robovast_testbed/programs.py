@@ -38,6 +38,12 @@ COREDNS = Program(
     registry="core/plugin/zplugin.go",
     plugins=("cache", "errors", "kubernetes", "ready"),  # what manifests/coredns.yaml configures
 )
+FAKE_GCS = Program(
+    name="fake-gcs-server",
+    module="github.com/fsouza/fake-gcs-server",
+    version="v1.56.1",
+    tags="disable_grpc_modules",  # which serve Google's client, a fifth of all packages
+)
 HELM = Program("helm", "helm.sh/helm/v3", "v3.22.0", "./cmd/helm")
 KUEUE = Program("kueue", "sigs.k8s.io/kueue", "v0.16.1", "./cmd/kueue")
 KWOK = Program("kwok", "sigs.k8s.io/kwok", "v0.8.0", "./cmd/kwok")

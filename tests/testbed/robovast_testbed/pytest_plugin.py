@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from . import bed, controlplane, docker, images, kubernetes, kueue, network, node, programs, s3
+from . import bed, controlplane, docker, gcs, images, kubernetes, kueue, network, node, programs, s3
 from .errors import Unavailable
 
 
@@ -118,3 +118,10 @@ def s3_server(request: pytest.FixtureRequest) -> Iterator[s3.Server]:
     with _session(f"s3-{request.param}") as own:
         network.create_bridge(own)
         yield s3.start(own, request.param)
+
+
+@pytest.fixture(scope="session")
+def gcs_server() -> Iterator[str]:
+    """HOST:PORT of a server that speaks the API of Google Cloud Storage."""
+    with skipped_when_unavailable(), gcs.started() as address:
+        yield address

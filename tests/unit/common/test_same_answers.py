@@ -21,6 +21,7 @@ from robovast.agent.bucket import Bucket
 from robovast.base.backoff import Pauses
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
+from robovast.storage.shares import gcs
 from robovast.storage.shares.gcs import GcsShareProvider
 from robovast.storage.shares.webdav import WebDavShareProvider
 
@@ -165,6 +166,7 @@ def test_every_operation_ends(
     headers: dict[str, str],
 ) -> None:
     monkeypatch.setattr(Pauses, "wait", _few_pauses)
+    monkeypatch.setattr(gcs, "PATIENCE", 0.2)
     monkeypatch.setattr(bucket_module, "MOST_JOBS", 50)
     account = {"client_email": "a@b", "private_key": key, "token_uri": f"{server.url}/token"}
     for name, value in {

@@ -1,61 +1,88 @@
-"""Shares in Google Cloud Storage, by its JSON API.
-
-It is written by hand, since Google's client would add 16 packages and 12 MiB to the 23 MiB of the
-extra `share`, take 1.5 s to import (this module: 0.3 s), and report no progress of an upload.
-"""
+"""Shares in Google Cloud Storage, by Google's own client."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
+import logging
 import os
-import time
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import IO, Any, ClassVar
-from urllib.parse import quote, urlencode, urlsplit
+from typing import IO, Any, ClassVar, TypeVar
+from urllib.parse import quote
 
+import google.auth
+import requests
+from google.api_core.exceptions import GoogleAPIError
+from google.api_core.retry import Retry
+from google.auth.credentials import AnonymousCredentials, Credentials
+from google.auth.exceptions import (
+    DefaultCredentialsError,
+    GoogleAuthError,
+    RefreshError,
+    TransportError,
+)
+from google.auth.transport.requests import AuthorizedSession, Request
+from google.cloud.storage import Blob, Bucket, Client
+from google.cloud.storage.retry import DEFAULT_RETRY
+from google.oauth2.service_account import Credentials as ServiceAccount
+from google.resumable_media import DataCorruption, InvalidResponse, RetryStrategy
+from google.resumable_media.requests import ResumableUpload
+
+from robovast.base.backoff import FIRST_CONTACT, LONGEST_PAUSE, TRANSFERRING
 from robovast.base.errors import InputError, StorageError
-from robovast.base.file_errors import read_text
-from robovast.base.optional_deps import SHARE
-from robovast.base.sizes import whole_number
-from robovast.storage.http_client import HttpClient
-from robovast.storage.http_download import download
+from robovast.base.file_errors import read_text, writing
+from robovast.storage.http_client import HttpError, refused, unreachable
 from robovast.storage.shares.base import BaseShareProvider, ProgressCallback
+
+S = TypeVar("S", bound=requests.Session)
 
 BUCKET = "ROBOVAST_GCS_BUCKET"
 PREFIX = "ROBOVAST_GCS_PREFIX"
 KEY_FILE = "ROBOVAST_GCS_KEY_FILE"
 KEY_JSON = "ROBOVAST_GCS_KEY_JSON"
-IDLE_ANSWERS = 3
-"""Number of answers without progress after which an upload fails."""
 EMULATOR = "STORAGE_EMULATOR_HOST"
 """Address of a server in place of Google's, with the name that Google's own libraries use."""
+LOGIN_FILE = "GOOGLE_APPLICATION_CREDENTIALS"
+"""File with a login, with the name that Google's own libraries use."""
 
-PART = 16 * 2**20
-"""Size of an upload request [byte]; a multiple of 256 KiB."""
+PART = 8 * 2**20
+"""Size of a request of a transfer [byte]; a multiple of 256 KiB."""
+PAGE: int | None = None
+"""Number of objects in a page of a list; the server's default if None."""
+IDLE_ANSWERS = 3
+"""Number of answers without progress after which an upload fails."""
+PATIENCE = TRANSFERRING
+"""Time limit of retries of a request [s]."""
 
+_NO_METADATA = "DISABLE_GCS_PYTHON_CLIENT_OTEL_BUCKET_METADATA"
+"""Variable that keeps Google's client from asking for the bucket's metadata in a thread."""
 _SERVER = "https://storage.googleapis.com"
-_SCOPE = "https://www.googleapis.com/auth/devstorage.read_write"
-_TOKEN_LIFE = 3600
-"""[s]"""
+_SCOPES = ["https://www.googleapis.com/auth/devstorage.read_write"]
+_RIGHT = "storage.objects.create"
 _NOT_THERE = 404
 _GO_ON = 308
+_FAILURES = (GoogleAPIError, GoogleAuthError, InvalidResponse, requests.RequestException)
+_REMEDIES = {
+    401: f"Reading needs a public bucket, a key in {KEY_FILE}, or a login.",
+    403: "The account needs the roles Storage Object Creator (to upload) and Storage Object Viewer "
+    "(to list and download).",
+    404: f"Check {BUCKET}.",
+}
 
 
 class GcsShareProvider(BaseShareProvider):
-    """A bucket; reading a public one needs no key."""
+    """A bucket; reading a public one needs no account."""
 
     SHARE_TYPE: ClassVar[str] = "gcs"
 
     def __init__(self) -> None:
-        self._token = ""
-        self._token_ends = 0.0
+        self._has_answered = False
 
     def required_env_vars(self) -> dict[str, str]:
-        """The bucket; a key is required only for uploading and removing."""
+        """The bucket; an account is required only for uploading and removing."""
         return {BUCKET: "name of the bucket"}
 
     def build_pod_env(self) -> dict[str, str]:
@@ -67,16 +94,12 @@ class GcsShareProvider(BaseShareProvider):
 
     def verify_access(self) -> None:
         """Check that the account may upload."""
-        right = "storage.objects.create"
-        answer = self._client.request(
-            "GET",
-            f"{self._api}/iam/testPermissions?permissions={right}",
-            attempt="read the permissions of the account",
-            headers=self._authorization(needed=True),
-        )
-        if right not in self._client.data(answer).get("permissions", []):
+        self._require_account()
+        with self._explained("read the permissions of the account"):
+            found = self._bucket.test_iam_permissions([_RIGHT], retry=self._retry)
+        if _RIGHT not in found:
             raise StorageError(
-                f"{self._client.name}: the account may not upload to the bucket; it needs the role "
+                f"{self._name}: the account may not upload to the bucket; it needs the role "
                 "Storage Object Creator."
             )
 
@@ -87,49 +110,40 @@ class GcsShareProvider(BaseShareProvider):
         progress_callback: ProgressCallback | None = None,
     ) -> None:
         """Upload an archive in parts; after an interruption, the rest is sent."""
+        self._require_account()
         path = Path(archive_path)
-        size = path.stat().st_size
-        session = self._begin_upload(object_name, size)
-        with path.open("rb") as stream:
-            stored = self._send(stream, session, object_name, size, progress_callback)
-        found = stored.get("md5Hash")
-        if found and found != _md5(path):
+        try:
+            with path.open("rb") as stream, self._explained(f"upload {object_name}"):
+                upload = self._begin(stream, object_name, path.stat().st_size)
+                self._send(upload, stream, object_name, progress_callback)
+        except DataCorruption:
             raise StorageError(
-                f"{self._client.name}: {object_name} is damaged, or was changed during the "
-                "upload. Upload it again."
-            )
+                f"{self._name}: {object_name} is damaged, or was changed during the upload. "
+                "Upload it again."
+            ) from None
 
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
         """Archives directly below the prefix."""
         found: list[tuple[str, int]] = []
-        seen: set[str] = set()
-        query = {
-            "prefix": self._prefix,
-            "delimiter": "/",
-            "fields": "items(name,size),nextPageToken",
-        }
-        while True:
-            answer = self._client.request(
-                "GET",
-                f"{self._api}/o?{urlencode(query)}",
-                attempt="list the bucket",
-                headers=self._authorization(),
+        seen: set[str | None] = set()
+        with self._explained("list the bucket"):
+            blobs = self._bucket.client.list_blobs(
+                self._bucket,
+                prefix=self._prefix or None,
+                delimiter="/",
+                fields="items(name,size),nextPageToken",
+                page_size=PAGE,
+                retry=self._retry,
             )
-            data = self._client.data(answer)
-            for item in data.get("items", []):
-                name = str(item["name"]).removeprefix(self._prefix)
-                if name.endswith(".tar.gz"):
-                    found.append((name, int(item["size"])))
-            token = data.get("nextPageToken")
-            if token is None:
-                return sorted(found)
-            if token in seen:
-                raise StorageError(
-                    f"{self._client.name}: cannot list the bucket: the server sends the same page "
-                    "again and again. Check a proxy on the way to the server."
-                )
-            seen.add(token)
-            query["pageToken"] = token
+            for page in blobs.pages:
+                found += [(blob.name.removeprefix(self._prefix), blob.size) for blob in page]
+                if blobs.next_page_token in seen:
+                    raise StorageError(
+                        f"{self._name}: cannot list the bucket: the server sends the same page "
+                        "again and again. Check a proxy on the way to the server."
+                    )
+                seen.add(blobs.next_page_token)
+        return sorted((name, size) for name, size in found if name.endswith(".tar.gz"))
 
     def download_archive(
         self,
@@ -138,169 +152,199 @@ class GcsShareProvider(BaseShareProvider):
         progress_callback: ProgressCallback | None = None,
         resume_offset: int = 0,
     ) -> None:
-        """Download an archive; after an interruption, only the rest is downloaded."""
-        download(
-            self._client,
-            f"{self._object(object_name)}?alt=media",
-            Path(dest),
-            attempt=f"download {object_name}",
-            offset=resume_offset,
-            headers=self._authorization(),
-            progress=progress_callback,
-        )
+        """Download an archive in parts; after an interruption, the rest is downloaded."""
+        path, found = Path(dest), self._blob(object_name)
+        with self._explained(f"look for {object_name}"):
+            found.reload(retry=self._retry)
+        # Another blob, which has no address of the server's choice.
+        blob = self._bucket.blob(found.name, PART, generation=found.generation)
+        with writing(path), path.open("r+b" if resume_offset and path.exists() else "wb") as file:
+            file.seek(resume_offset)
+            file.truncate()
+            if resume_offset < found.size:
+                with self._explained(f"download {object_name}"):
+                    blob.download_to_file(
+                        _Arriving(file, found.size, progress_callback),
+                        start=resume_offset,
+                        raw_download=True,
+                        checksum=None,
+                        retry=self._retry,
+                    )
 
     def remove_archive(self, name: str) -> None:
         """Remove an archive."""
-        answer = self._client.request(
-            "DELETE",
-            self._object(name),
-            attempt=f"remove {name}",
-            headers=self._authorization(needed=True),
-            accept={_NOT_THERE},
-        )
-        if answer.status == _NOT_THERE:
-            raise InputError(f"{self._client.name}: there is no {name}.")
+        self._require_account()
+        try:
+            with self._explained(f"remove {name}"):
+                self._blob(name).delete(retry=self._retry)
+        except HttpError as error:
+            if error.status != _NOT_THERE:
+                raise
+            raise InputError(f"{self._name}: there is no {name}.") from None
 
     def archive_exists_on_share(self, name: str) -> bool:
         """Look for a single archive."""
-        answer = self._client.request(
-            "GET",
-            self._object(name),
-            attempt=f"look for {name}",
-            headers=self._authorization(),
-            accept={_NOT_THERE},
-        )
-        return answer.status != _NOT_THERE
+        with self._explained(f"look for {name}"):
+            return bool(self._blob(name).exists(retry=self._retry))
 
-    def _begin_upload(self, name: str, size: int) -> str:
-        """Begin a resumable upload; return its address."""
-        query = urlencode({"uploadType": "resumable", "name": self._prefix + name})
-        answer = self._client.request(
-            "POST",
-            f"{self._server}/upload/storage/v1/b/{self._bucket}/o?{query}",
-            attempt=f"upload {name}",
-            headers={
-                **self._authorization(needed=True),
-                "X-Upload-Content-Type": "application/gzip",
-                "X-Upload-Content-Length": str(size),
-            },
-        )
-        return answer.headers.get("Location", "")
+    def _begin(self, stream: IO[bytes], name: str, size: int) -> ResumableUpload:
+        """Begin a resumable upload."""
+        server, bucket = self._bucket.client.api_endpoint, quote(self._bucket.name, safe="")
+        address = f"{server}/upload/storage/v1/b/{bucket}/o?uploadType=resumable"
+        upload = ResumableUpload(address, PART, checksum="md5")
+        upload._retry_strategy = RetryStrategy(LONGEST_PAUSE, self._patience)
+        metadata = {"name": self._prefix + name}
+        upload.initiate(self._session, stream, metadata, "application/gzip", size)
+        return upload
 
     def _send(
         self,
+        upload: ResumableUpload,
         stream: IO[bytes],
-        session: str,
         name: str,
-        size: int,
         progress: ProgressCallback | None,
-    ) -> Mapping[str, Any]:
+    ) -> None:
         """Send missing parts until the server has all of them.
 
         Raises:
             StorageError: the server accepts parts without storing any of them.
         """
-        offset = farthest = idle = 0
+        farthest = idle = 0
         while idle < IDLE_ANSWERS:
-            stream.seek(offset)
-            part = stream.read(PART)
-            last = offset + len(part) - 1
-            span = f"{offset}-{last}" if part else "*"
-            answer = self._client.request(
-                "PUT",
-                session,
-                attempt=f"upload {name}",
-                body=lambda part=part: part,  # type: ignore[misc]
-                headers={"Content-Range": f"bytes {span}/{size}"},
-                accept={_GO_ON},
-            )
-            arrived = answer.headers.get("Range", "").rpartition("-")[2]
-            offset = whole_number(arrived, -1) + 1
-            is_complete = answer.status != _GO_ON
+            stream.seek(upload.bytes_uploaded)
+            try:
+                upload.transmit_next_chunk(self._session)
+            except InvalidResponse as error:
+                if error.response.status_code != _GO_ON:
+                    raise
+                upload.recover(self._session)  # the answer does not state how much has arrived
             if progress:
-                progress(size if is_complete else offset, size)
-            if is_complete:
-                return self._client.data(answer)
-            idle = 0 if offset > farthest else idle + 1
-            farthest = max(farthest, offset)
+                progress(upload.bytes_uploaded, upload.total_bytes)
+            if upload.finished:
+                return
+            idle = 0 if upload.bytes_uploaded > farthest else idle + 1
+            farthest = max(farthest, upload.bytes_uploaded)
         raise StorageError(
-            f"{self._client.name}: cannot upload {name}: the server has accepted the part from "
-            f"byte {offset} {IDLE_ANSWERS} times without storing it. Check a proxy on the way to "
-            "the server, then repeat the command."
+            f"{self._name}: cannot upload {name}: the server has accepted the part from byte "
+            f"{upload.bytes_uploaded} {IDLE_ANSWERS} times without storing it. Check a proxy on "
+            "the way to the server, then repeat the command."
         )
 
-    def _authorization(self, *, needed: bool = False) -> dict[str, str]:
-        """Header with an access token; empty without a key, which public buckets do not need."""
+    @contextmanager
+    def _explained(self, attempt: str) -> Iterator[None]:
+        """Wrap requests; their errors become those of RoboVAST.
+
+        Raises:
+            HttpError: the server refused.
+            StorageError: it cannot be reached.
+        """
+        try:
+            yield
+        except _FAILURES as error:
+            raise self._failure(f"{self._name}: cannot {attempt}", error) from error
+        self._has_answered = True
+
+    def _failure(self, start: str, error: Exception) -> StorageError:
+        error = getattr(error, "cause", None) or error  # of the last retry
         key = _key()
-        if key is None:
-            if needed:
-                raise InputError(
-                    f"the share `gcs` needs the key of a service account for this: set {KEY_FILE} "
-                    f"or {KEY_JSON}, in the environment or a `.env` file."
-                )
-            return {}
-        if time.monotonic() > self._token_ends - 60:
-            self._token, life = self._fetch_token(key)
-            self._token_ends = time.monotonic() + life
-        return {"Authorization": f"Bearer {self._token}"}
+        if isinstance(error, RefreshError):
+            place = f"the key in {KEY_FILE}" if key else "the login"
+            said = " ".join(str(next(iter(error.args), "")).split())
+            return HttpError(f"{start}: there is no access token ({said}). Check {place}.", 401)
+        answer = getattr(error, "response", None)
+        if answer is not None and answer.status_code >= 300:
+            return refused(start, answer.status_code, answer.headers, answer.content, _REMEDIES)
+        address = key["token_uri"] if key and isinstance(error, TransportError) else _server()
+        return unreachable(start, address, _innermost(error))
 
-    def _fetch_token(self, key: Mapping[str, Any]) -> tuple[str, float]:
-        assertion = _assertion(key)
-        form = {
-            "grant_type": "urn:ietf:params:oauth:grant-type:jwt-bearer",
-            "assertion": assertion,
-        }
-        client = HttpClient(
-            urlsplit(str(key["token_uri"])).netloc,
-            {},
-            remedies={400: f"Check the key in {KEY_FILE}.", 401: f"Check the key in {KEY_FILE}."},
-            secrets=[assertion],
-        )
-        answer = client.request(
-            "POST",
-            str(key["token_uri"]),
-            attempt="get an access token",
-            body=lambda: urlencode(form).encode(),
-            headers={"Content-Type": "application/x-www-form-urlencoded"},
-        )
-        data = client.data(answer)
-        return str(data.get("access_token")), float(data.get("expires_in") or _TOKEN_LIFE)
+    def _require_account(self) -> None:
+        if isinstance(self._session.credentials, AnonymousCredentials):
+            raise InputError(
+                "the share `gcs` needs an account for this: set the key of a service account in "
+                f"{KEY_FILE} or {KEY_JSON}, in the environment or a `.env` file, or log in with "
+                "`gcloud auth application-default login`."
+            )
+
+    @property
+    def _patience(self) -> float:
+        return PATIENCE if self._has_answered else min(PATIENCE, FIRST_CONTACT)
+
+    @property
+    def _retry(self) -> Retry:
+        retry: Retry = DEFAULT_RETRY.with_timeout(self._patience)
+        return retry.with_delay(maximum=LONGEST_PAUSE)
 
     @cached_property
-    def _client(self) -> HttpClient:
-        name = f"gs://{os.environ.get(BUCKET, '')}"
-        return HttpClient(
-            name,
-            {},
-            remedies={
-                401: f"Reading needs a public bucket or a key in {KEY_FILE}.",
-                403: "The account needs the roles Storage Object Creator (to upload) and Storage "
-                "Object Viewer (to list and download).",
-                404: f"Check {BUCKET}.",
-            },
+    def _session(self) -> AuthorizedSession:
+        account = _credentials()
+        renewed = () if isinstance(account, AnonymousCredentials) else (401,)
+        tokens = Request(_careful(requests.Session()))
+        return _careful(AuthorizedSession(account, renewed, auth_request=tokens))
+
+    @cached_property
+    def _bucket(self) -> Bucket:
+        os.environ.setdefault(_NO_METADATA, "true")
+        client = Client(
+            None,
+            self._session.credentials,
+            self._session,
+            client_options={"api_endpoint": _server()} if EMULATOR in os.environ else None,
         )
+        return client.bucket(os.environ[BUCKET])
+
+    def _blob(self, name: str) -> Blob:
+        return self._bucket.blob(self._prefix + name)
 
     @property
-    def _server(self) -> str:
-        emulator = os.environ.get(EMULATOR, "")
-        if emulator and "://" not in emulator:
-            return f"http://{emulator}"
-        return emulator or _SERVER
-
-    @property
-    def _bucket(self) -> str:
-        return quote(os.environ[BUCKET], safe="")
+    def _name(self) -> str:
+        return f"gs://{os.environ.get(BUCKET, '')}"
 
     @property
     def _prefix(self) -> str:
         return os.environ.get(PREFIX, "")
 
-    @property
-    def _api(self) -> str:
-        return f"{self._server}/storage/v1/b/{self._bucket}"
 
-    def _object(self, name: str) -> str:
-        return f"{self._api}/o/{quote(self._prefix + name, safe='')}"
+class _Arriving:
+    """A file that a download writes, with progress."""
+
+    def __init__(self, file: IO[bytes], size: int, progress: ProgressCallback | None) -> None:
+        self._file = file
+        self._size = size
+        self._progress = progress
+
+    def write(self, content: bytes) -> None:
+        """Write what has arrived."""
+        self._file.write(content)
+        if self._progress:
+            self._progress(self._file.tell(), self._size)
+
+
+def _credentials() -> Credentials:
+    """The account of the key, else of a login or of the machine; an anonymous one if there is none.
+
+    Raises:
+        InputError: the key or the login cannot be used.
+    """
+    key = _key()
+    if key is not None:
+        try:
+            account: Credentials = ServiceAccount.from_service_account_info(key, scopes=_SCOPES)
+        except (ValueError, TypeError):
+            raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is damaged.") from None
+        return account
+    if os.environ.get(EMULATOR):
+        return AnonymousCredentials()
+    # Neither the absence of a metadata server nor of a project to bill is worth a warning.
+    logging.getLogger("google.auth").setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            account, _ = google.auth.default(scopes=_SCOPES)
+    except DefaultCredentialsError as error:
+        if os.environ.get(LOGIN_FILE):
+            raise InputError(f"{LOGIN_FILE}: {error}") from None
+        return AnonymousCredentials()
+    return account
 
 
 def _key() -> dict[str, Any] | None:
@@ -321,39 +365,21 @@ def _key() -> dict[str, Any] | None:
         ) from None
 
 
-def _assertion(key: Mapping[str, Any]) -> str:
-    """The signed assertion for Google's token service (RFC 7523)."""
-    with SHARE.needed_by("The share `gcs`"):
-        from cryptography.hazmat.primitives import hashes, serialization
-        from cryptography.hazmat.primitives.asymmetric.padding import PKCS1v15
-        from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
-    try:
-        private = serialization.load_pem_private_key(str(key["private_key"]).encode(), None)
-    except (ValueError, TypeError):
-        raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is damaged.") from None
-    if not isinstance(private, RSAPrivateKey):
-        raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is not a valid RSA key.")
-    now = int(time.time())
-    claims = {
-        "iss": key["client_email"],
-        "scope": _SCOPE,
-        "aud": key["token_uri"],
-        "iat": now,
-        "exp": now + _TOKEN_LIFE,
-    }
-    signed = ".".join(_base64(json.dumps(item).encode()) for item in (_HEADER, claims))
-    signature = private.sign(signed.encode(), PKCS1v15(), hashes.SHA256())
-    return f"{signed}.{_base64(signature)}"
+def _careful(session: S) -> S:
+    """A session that trusts the same certificates as all of RoboVAST, and is never redirected."""
+    session.verify = os.environ.get("SSL_CERT_FILE") or True
+    session.max_redirects = 0
+    return session
 
 
-_HEADER = {"alg": "RS256", "typ": "JWT"}
+def _server() -> str:
+    emulator = os.environ.get(EMULATOR, "")
+    if emulator and "://" not in emulator:
+        return f"http://{emulator}"
+    return emulator or _SERVER
 
 
-def _base64(content: bytes) -> str:
-    return base64.urlsafe_b64encode(content).rstrip(b"=").decode()
-
-
-def _md5(path: Path) -> str:
-    with path.open("rb") as file:
-        digest = hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False)).digest()
-    return base64.b64encode(digest).decode()
+def _innermost(error: BaseException) -> BaseException:
+    """The cause within exceptions that wrap one another."""
+    inner = getattr(error, "reason", None) or next(iter(error.args), None)
+    return _innermost(inner) if isinstance(inner, Exception) else error
