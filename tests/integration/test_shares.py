@@ -423,6 +423,19 @@ class TestGcs:
         with open_share() as share, pytest.raises(StorageError, match="is damaged, or was changed"):
             put(share, archive(tmp_path))
 
+    def test_an_archive_that_changes_during_its_upload_is_refused(
+        self, server: tuple[Place, Gate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(gcs_module, "PART", 2**19)
+        path = archive(tmp_path)
+
+        def edit(*_: object) -> None:
+            with path.open("r+b") as file:
+                file.write(b"other")
+
+        with open_share() as share, pytest.raises(StorageError, match="was changed during"):
+            share.provider.upload_archive(str(path), path.name, edit)
+
     def test_a_list_of_several_pages_is_read_to_its_end(
         self, server: tuple[Place, Gate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:

@@ -112,15 +112,21 @@ class GcsShareProvider(BaseShareProvider):
         """Upload an archive in parts; after an interruption, the rest is sent."""
         self._require_account()
         path = Path(archive_path)
+        before = path.stat()
+        is_whole = True
         try:
             with path.open("rb") as stream, self._explained(f"upload {object_name}"):
-                upload = self._begin(stream, object_name, path.stat().st_size)
+                upload = self._begin(stream, object_name, before.st_size)
                 self._send(upload, stream, object_name, progress_callback)
         except DataCorruption:
+            is_whole = False
+        after = path.stat()
+        is_same = (after.st_size, after.st_mtime_ns) == (before.st_size, before.st_mtime_ns)
+        if not (is_whole and is_same):  # the checksum is that of the sent bytes
             raise StorageError(
                 f"{self._name}: {object_name} is damaged, or was changed during the upload. "
                 "Upload it again."
-            ) from None
+            )
 
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
         """Archives directly below the prefix."""
