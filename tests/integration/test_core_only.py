@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -142,3 +143,22 @@ def test_each_package_that_is_imported_is_of_the_core_or_of_an_extra(site: Path)
             names += [name.name for name in node.names] if isinstance(node, ast.Import) else []
             tops = {name.partition(".")[0] for name in names}
             assert tops <= ours | optional | set(sys.stdlib_module_names), f"{path}:{node.lineno}"
+
+
+def test_the_web_ui_needs_its_own_extra_alone(tmp_path: Path) -> None:
+    site = core_site(tmp_path / "site", "starlette", "uvicorn")
+    modules = "robovast.evaluation.server.app, robovast_cli.commands.evaluation.gui"
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-S",
+            "-I",
+            "-c",
+            f"import sys; sys.path[:0] = {[str(site)]}; import {modules}",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr

@@ -6,15 +6,17 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from importlib.metadata import distribution
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 _CORE = re.compile(r"^([\w.-]+)==", re.MULTILINE)
+_NAME = re.compile(r"[\w.-]+")
 
 
-def core_site(folder: Path) -> Path:
-    """Fill a folder of packages with the locked core, as `pip install` does."""
+def core_site(folder: Path, *others: str) -> Path:
+    """Fill a folder of packages with the locked core and others, as `pip install` does."""
     folder.mkdir()
     for source in ("src", "cli"):
         for package in (ROOT / source).iterdir():
@@ -23,7 +25,7 @@ def core_site(folder: Path) -> Path:
     names = _CORE.findall((ROOT / "requirements/run.txt").read_text())
     for name in [
         *(name for name in names if name != "colorama"),
-        "robovast-operator",
+        *("robovast-operator", *_with_requirements(others)),
     ]:  # Windows only
         for file in distribution(name).files or ():
             top = file.parts[0]
@@ -32,6 +34,19 @@ def core_site(folder: Path) -> Path:
                     Path(str(file.locate())).parents[len(file.parts) - 1] / top
                 )
     return folder
+
+
+def _with_requirements(names: Iterable[str]) -> set[str]:
+    """Distributions and what they require, without extras."""
+    found: set[str] = set()
+    left = list(names)
+    while left:
+        name = left.pop()
+        if name not in found:
+            found.add(name)
+            listed = distribution(name).requires or ()
+            left += [_NAME.match(one)[0] for one in listed if ";" not in one]  # type: ignore[index]
+    return found
 
 
 class CoreVast:

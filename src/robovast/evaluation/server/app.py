@@ -23,7 +23,6 @@ from robovast.base.errors import InputError, RobovastError
 from robovast.base.optional_deps import missing_extra
 from robovast.campaign.planned_runs import planned_runs
 from robovast.evaluation.about import about, changes
-from robovast.evaluation.bag_timeline import read_timeline
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
 from robovast.evaluation.configuration_index import default_index
@@ -386,6 +385,8 @@ class Pages:
 
     def timeline(self, request: Request) -> Response:
         """Messages over time of the bag `path`."""
+        from robovast.evaluation.bag_timeline import read_timeline
+
         return Data(read_timeline(self._library.results, self._path(request)))
 
     def file(self, request: Request) -> Response:

@@ -23,7 +23,6 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from robovast.base.signals import unwound_by_signals
-from robovast.evaluation.drive.one_file import one_file
 from robovast.evaluation.server.answers import send_file
 from robovast.evaluation.server.guard import LOOPBACK, Guard
 from robovast.evaluation.server.rerun import RECORDING, Viewer, viewer
@@ -60,7 +59,7 @@ def open_in_rerun(
     faults: list[str] = []
 
     def make(stack: ExitStack, folder: Path) -> Callable[[str], ASGIApp]:
-        path, lacking = one_file(results, bag, folder)
+        path, lacking = _whole(results, bag, folder)
         faults.extend(lacking)
         return _rerun_app(stack.enter_context(viewer(path, name, folder)))
 
@@ -88,7 +87,7 @@ def serve_mcap(
     faults: list[str] = []
 
     def make(_: ExitStack, folder: Path) -> Callable[[str], ASGIApp]:
-        path, lacking = one_file(results, bag, folder)
+        path, lacking = _whole(results, bag, folder)
         faults.extend(lacking)
         return _file_app(path, name)
 
@@ -108,6 +107,13 @@ def _serve(
             return make(stack, Path(folder))(token)
 
         serve_app(made, port, ready, ended=stack.close)
+
+
+def _whole(results: Path, bag: str, folder: Path) -> tuple[Path, list[str]]:
+    """The bag as one file; packages for bags are needed only now."""
+    from robovast.evaluation.drive.one_file import one_file
+
+    return one_file(results, bag, folder)
 
 
 def _rerun_app(viewer: Viewer) -> Callable[[str], ASGIApp]:
