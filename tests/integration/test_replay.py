@@ -70,7 +70,7 @@ def test_the_first_difference_is_told_and_ends_with_a_code(tmp_path: Path) -> No
     code, said = replay(folder)
     assert code == 1
     assert "one-1/0 (seed 1311306635) differs: same verdict (passed).\n" in said
-    assert "out.csv differs in row 1, column 2: 2, now 1311306635\n" in said
+    assert "out.csv differs in row 1, column 2: 1311306635 instead of 2\n" in said
 
 
 def test_the_document_says_what_is_compared_and_an_option_replaces_it(tmp_path: Path) -> None:

@@ -53,9 +53,9 @@ def hopeless(bucket: Bucket, pack: Pack) -> EndedRun | None:
     if f"# {_task(pack, job)}," not in mark.decode("utf-8", "replace"):
         return None
     reason = (
-        f"its pod was begun {MOST_STARTS} times and ended each time without having stored it: "
-        "evicted (did it fill the disk?), killed with its node, or its results were too much for "
-        "the storage. It is not tried again."
+        f"{MOST_STARTS} pods ended without a stored result of the run. Possible causes: the pod "
+        "filled the disk and was evicted, its node failed, or the storage is full. The run is "
+        "not repeated."
     )
     now = time.time()
     last = replace(job, runs=job.runs[:1], own_name=pack.job_name(pack.first_job - 1))

@@ -146,8 +146,8 @@ def _secret(file: Path, named: SecretKey | None) -> str:
     if not (text and text.isascii() and text.isprintable()):
         raise InputError(
             f"spec.notifications needs the Secret `{named.name}` with one line of ASCII under the "
-            f"key `{named.key}`: it does not exist, has no such line, or is not for campaigns "
-            f"(their Secrets' names begin with `{SECRET_PREFIX}`)."
+            f"key `{named.key}`. The Secret is missing, has no such line, or is not for campaigns "
+            f"(their names begin with `{SECRET_PREFIX}`)."
         )
     return text
 

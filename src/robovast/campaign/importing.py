@@ -63,8 +63,9 @@ def _check_names(archive: Path, campaign: Path) -> None:
             )
     for run in Layout(campaign).misnumbered_runs():
         raise InputError(
-            f"{archive}: rejected, because `{run}` cannot be the folder of a run: numbers of runs "
-            "have at most nine digits and no leading zeros. Rename it. Nothing was imported."
+            f"{archive}: rejected, because `{run}` cannot be the folder of a run. A run has a "
+            "number with at most nine digits and no leading zeros. Rename it. Nothing was "
+            "imported."
         )
 
 

@@ -107,8 +107,8 @@ class ArtifactTools:
             answer["cut"] = f"earlier lines also match; continue with before={lines[0][0]}"
         if found.begin > 0:
             answer["part"] = (
-                f"only bytes {found.begin} to {found.end} of {found.size} were searched; line "
-                f"numbers are relative to them; search the part before with end={found.begin}"
+                f"only bytes {found.begin} to {found.end} of {found.size} were searched, and line "
+                f"numbers are relative to them. Search the part before with end={found.begin}"
             )
         return answer
 

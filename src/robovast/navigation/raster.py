@@ -66,7 +66,7 @@ def raster_paths(costmap: Costmap, raster: Raster, wish: Wish) -> Iterator[Path]
         raise NoPathError(
             f"no path of {wish.length:g} m (± {wish.tolerance:g} m) connects the {len(points)} "
             f"grid points that a robot of {2 * costmap.radius:g} m can reach (grid of "
-            f"{raster.size:g} m); use a finer grid or another length"
+            f"{raster.size:g} m). Use a finer grid or another length"
         )
 
 

@@ -112,8 +112,8 @@ def is_owned(store: ObjectStore, bucket: str, uid: str) -> bool:
     found = owner_of(store, bucket)
     if found is not None and found.uid != uid:
         raise OtherOwnerError(
-            f"the bucket {bucket} belongs to {found}, not to the one with the uid {uid}; nothing "
-            "in it is read, written or removed for another. Give this Campaign a bucket of its "
-            "own: another name, or another `spec.storage.prefix`."
+            f"the bucket {bucket} belongs to {found}, not to the one with the uid {uid}. Its "
+            "contents are neither read nor changed for another Campaign. Give this Campaign a "
+            "bucket of its own: another name, or another `spec.storage.prefix`."
         )
     return found is not None

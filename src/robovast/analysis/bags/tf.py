@@ -68,8 +68,8 @@ class TfWorker:
             self._context.warn(self._nothing())
         if self._transforms.rejected:
             self._context.warn(
-                f"{self._transforms.rejected} transforms are skipped: they are not finite or not "
-                "normalized, lack a frame name, or have one frame as parent and child"
+                f"{self._transforms.rejected} transforms are skipped. Causes: not finite, not "
+                "normalized, no frame name, or the same parent and child frame"
             )
         return written(self._table)
 

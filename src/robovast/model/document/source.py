@@ -29,7 +29,7 @@ def render_path(path: KeyPath) -> str:
 
 _CAUSES = {
     "mapping values are not allowed": (
-        "there is a second `:` in one value; put a text with `: ` into quotes, start a nested "
+        "there is a second `:` in one value. Put a text with `: ` into quotes, start a nested "
         "mapping on a new line, and indent keys like the keys around them"
     ),
     "found undefined alias": "`*name` has no matching anchor `&name` above it",
