@@ -39,7 +39,7 @@ def test_without_a_file_nothing_is_written(nothing: str | None) -> None:
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "notes.json"
     file.write_text('["mine"]')
-    with pytest.raises(ValueError, match="no provenance file"):
+    with pytest.raises(ValueError, match="is not a provenance file"):
         write_provenance_entry(file, "x", ["y"], "p")
     assert file.read_text() == '["mine"]'
 
