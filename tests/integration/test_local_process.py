@@ -274,7 +274,7 @@ def test_a_campaign_goes_on_in_the_environment_that_it_was_begun_in(
     monkeypatch.setenv("ROBOVAST_PROCESS_ENV", str(other_environment(tmp_path / "cache")))
     campaign = run(make_campaign(tmp_path, PASS), tmp_path / "out", select="one-1").campaign
     monkeypatch.delenv("ROBOVAST_PROCESS_ENV")
-    with pytest.raises(CannotRunError, match="in the environment other, which is not here"):
+    with pytest.raises(CannotRunError, match="in the environment other, which is missing"):
         resume(campaign, runs=2, runtime="auto")
 
     recorder = Recorder()
