@@ -188,7 +188,7 @@ def test_what_stands_in_a_files_way_costs_that_file_alone(
     (tmp_path / "_config").mkdir()
     for place in (tmp_path / "_config/a", tmp_path / "room"):
         place.write_text("mine")
-    with pytest.raises(StorageError, match=r"but 2 runs or files.*_config/a/b.*room/0"):
+    with pytest.raises(StorageError, match=r"except 2 runs or files.*_config/a/b.*room/0"):
         fetch(store, bucket, tmp_path)
     assert (tmp_path / "hall/0/run.json").exists()
     assert (tmp_path / "room").read_text() == "mine"

@@ -206,7 +206,7 @@ def test_what_this_disk_cannot_have_costs_its_run_alone(
     writer = Writer("one-1/0")
     files = of_campaign.store_list(writer, [replace(file, path=path)])
     assert of_campaign.settle("one-1/0", replace(record, files=files), etag)
-    with pytest.raises(StorageError, match=r"but 1 runs.*one-1/0.*cannot be kept on this disk"):
+    with pytest.raises(StorageError, match=r"except 1 runs.*one-1/0.*cannot be kept on this disk"):
         download_campaign(store, bucket, tmp_path, Silent())
     assert (tmp_path / "one-1/1/run.json").exists()
     assert not (tmp_path / "one-1/0").exists()
@@ -244,7 +244,7 @@ def test_a_record_that_names_no_list_costs_its_run_alone(
     assert record.files is not None
     files = replace(record.files, key=key)
     assert of_campaign.settle("one-1/0", replace(record, files=files), etag)
-    with pytest.raises(StorageError, match=r"but 1 runs.*one-1/0.*is damaged"):
+    with pytest.raises(StorageError, match=r"except 1 runs.*one-1/0.*is damaged"):
         download_campaign(store, bucket, tmp_path, Silent())
     assert (tmp_path / "one-1/1/run.json").exists()
     assert set(check_all(store, bucket, ["one-1/0", "one-1/1"])) == {"one-1/0"}
@@ -262,7 +262,7 @@ def test_what_is_damaged_costs_its_run_alone(
     store.put_bytes(bucket, key, b"other")
     damage = check_all(store, bucket, ["one-1/0", "one-1/1"])
     assert damage == {"one-1/0": "1 files are of another size, out.csv the first"}
-    with pytest.raises(StorageError, match=r"but 1 runs.*one-1/0.*is damaged"):
+    with pytest.raises(StorageError, match=r"except 1 runs.*one-1/0.*is damaged"):
         download_campaign(store, bucket, tmp_path, Silent())
     assert (tmp_path / "one-1/1/out.csv").read_bytes() == b"first wrote this"
     assert not (tmp_path / "one-1/0").exists()
