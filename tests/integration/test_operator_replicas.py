@@ -124,7 +124,7 @@ def test_a_leader_that_slept_while_the_other_took_over_does_nothing_more(
             eventually(lambda: finished(fake_cluster, namespace, "few"), told=awake.told)
             before = len(proxy.seen)
             asleep.signal(signal.SIGCONT)
-            eventually(lambda: "another replica may lead" in asleep.told())
+            eventually(lambda: "another replica may be the leader" in asleep.told())
             time.sleep(1)
             assert writes_of(proxy, before) == []
         finally:
