@@ -289,7 +289,7 @@ def test_of_two_pods_that_propose_at_once_the_slower_one_gives_up(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(propose_module, "_keep", late)
-        with pytest.raises(StorageError, match="another pod has stored it"):
+        with pytest.raises(StorageError, match="another pod stored this object first"):
             search.propose()
     search.propose()
     assert search.message["blocks"], "the next one goes on with what the faster one has stored"
@@ -340,7 +340,7 @@ def test_runs_that_no_message_can_name_are_proposed_in_parts(
         (
             "per_batch: 2",
             "per_batch: 2\n  variations:\n  - ParameterVariationList: {name: text, values: [a, b]}",
-            "make 2 configurations",
+            "create 2 configurations",
         ),
     ],
 )

@@ -204,7 +204,10 @@ def test_a_secret_with_a_value_that_is_no_text_ends_it_with_its_name(stored: Sto
     for value in (b"\xff\xfe", b"a\0b"):
         (stored.mounts / "share/KEYSTORE").write_bytes(value)
         code, _, message = stored.upload()
-        assert (code, "KEYSTORE: the Secret that describes the share has" in message) == (65, True)
+        assert (
+            code,
+            "KEYSTORE: a value in the Secret of the file share is not text" in message,
+        ) == (65, True)
 
 
 def test_without_a_secret_it_ends_with_what_is_to_be_made(stored: Stored) -> None:

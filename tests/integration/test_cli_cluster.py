@@ -814,7 +814,7 @@ def test_a_shell_of_a_run_that_is_not_executed_names_the_command_that_says_more(
     outcome = vast("shell", name, "sweep-1-1/0")
     assert outcome.code == 3
     assert (
-        f"`vast exec cluster logs {name} sweep-1-1/0 --namespace {namespace}` says" in outcome.err
+        f"`vast exec cluster logs {name} sweep-1-1/0 --namespace {namespace}` prints" in outcome.err
     )
 
 

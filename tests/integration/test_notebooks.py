@@ -244,5 +244,5 @@ def test_a_notebook_opens_in_jupyter_with_its_folder_set(root: Path, tmp_path: P
     copy = tmp_path / name
     assert f"DATA_DIR = '{run}'" in copy.read_text()
     copy.write_text("mine")
-    assert "kept as it is" in call()
+    assert "is not modified" in call()
     assert copy.read_text() == "mine"

@@ -199,4 +199,4 @@ def test_a_secret_that_is_missing_or_holds_no_url_is_told_by_its_name(pod: Pod, 
 def test_another_version_of_the_operator_is_told(pod: Pod) -> None:
     ended = pod.send(event=NOTICE.model_copy(update={"version": 2}), url="http://a/b")
     assert ended.code == 64
-    assert "one version" in ended.message
+    assert "the same version" in ended.message

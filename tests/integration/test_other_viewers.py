@@ -186,9 +186,9 @@ def test_a_closed_terminal_leaves_no_files_and_no_viewer(
 @pytest.mark.parametrize(
     ("run", "options", "code", "said"),
     [
-        ("hall-1/0", ["--rerun", "--foxglove"], 2, "name one of them"),
+        ("hall-1/0", ["--rerun", "--foxglove"], 2, "exclude each other"),
         ("hall-2/1", ["--foxglove"], 2, "rosbag2.mcap is not an MCAP file"),
-        ("hall-1", ["--foxglove"], 2, "is the folder of no run"),
+        ("hall-1", ["--foxglove"], 2, "is not a run folder"),
         *([] if INSTALLED else [("hall-1/0", ["--rerun"], 3, "[rerun]")]),
     ],
 )
