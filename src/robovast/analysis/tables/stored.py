@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
+from robovast.analysis.tables.database import import_duckdb
 from robovast.base.errors import StorageError
 from robovast.base.optional_deps import QUERY
 
@@ -59,11 +60,17 @@ def reachable(
     if not stored:
         yield
         return
+    connection.execute("SET allowed_configs = ['threads']")
     connection.execute(f"SET threads = {AT_ONCE}")
     connection.register_filesystem(_file_system(stored))
     try:
         yield
     finally:
+        # Closing a connection whose threads have called Python crashes the process now and then
+        # (DuckDB 2.0: one of 1,500 queries), so they end first. A damaged file can have made the
+        # database invalid, and then it takes no setting.
+        with suppress(import_duckdb().Error):
+            connection.execute("SET threads = 1")
         connection.unregister_filesystem(_SCHEME)
 
 

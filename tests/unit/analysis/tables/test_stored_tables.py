@@ -8,8 +8,9 @@ from pathlib import Path
 import duckdb
 import pytest
 
+from robovast.analysis.tables.database import confine
 from robovast.analysis.tables.query import ask
-from robovast.analysis.tables.stored import StoredTables
+from robovast.analysis.tables.stored import StoredTables, reachable
 from robovast.base.errors import InputError, StorageError
 
 BY_VERDICT = "SELECT verdict, count(*) FROM runs GROUP BY ALL ORDER BY ALL"
@@ -78,3 +79,16 @@ def test_a_query_reaches_no_other_stored_file(file: Path) -> None:
     for other in ("robovast://other", str(file)):
         with pytest.raises(InputError):
             ask([tables], f"FROM read_csv('{other}')")
+
+
+def test_threads_end_before_the_connection_closes(file: Path) -> None:
+    """Closing it beside threads that have called Python crashes the process now and then."""
+    tables = StoredTables("wide", file.stat().st_size, reading(file))
+    with duckdb.connect() as connection:
+        with reachable(connection, [tables]):
+            confine(connection, files=[tables.address])
+            connection.execute(f"ATTACH '{tables.address}' AS stored (READ_ONLY)")
+            connection.execute("SELECT sum(c1) FROM stored.run_records").fetchall()
+        assert connection.execute("SELECT current_setting('threads')").fetchall() == [(1,)]
+        with pytest.raises(duckdb.Error, match="locked"):
+            connection.execute("SET memory_limit = '9GB'")
