@@ -14,7 +14,7 @@ from robovast.base.printable import PrintableFormatter
 from robovast_cli import other_project
 from robovast_cli.lazy import Lazy, add_lazy, new_app, paths_of
 from robovast_cli.ui.report import errors_reported, tell
-from robovast_cli.ui.usage import normalize_paths, usage_explained
+from robovast_cli.ui.usage import UsageError, normalize_paths, usage_explained
 from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
@@ -84,9 +84,10 @@ class Root(TyperGroup):
         """Return the called command; the error for an unknown name lists commands of groups."""
         try:
             return super().resolve_command(ctx, args)
-        except typer.TyperException as error:
+        except typer.TyperException:
             if found := sorted(paths_of(args[0], self, "vast")):
-                error.message = f"No such command {args[0]!r}. Did you mean {', '.join(found)}?"
+                message, hint = f"no such command {args[0]!r}", f"did you mean {', '.join(found)}?"
+                raise UsageError(message, ctx, hint=hint) from None
             raise
 
     def make_context(

@@ -62,8 +62,9 @@ def load_plugin(entry: EntryPoint) -> Any:
         raise
     except BaseException as error:  # a plugin may even exit while it is imported
         raise CannotRunError(
-            f"{_whose(entry)} cannot be loaded from `{entry.value}`: "
-            f"{type(error).__name__}: {error}. Update or remove that distribution."
+            f"{_whose(entry)} cannot be loaded from `{entry.value}`: {type(error).__name__}: "
+            f"{error}",
+            hint="update or remove that distribution",
         ) from error
     if isinstance(plugin, typer.Typer):
         return get_command(plugin)
@@ -71,7 +72,8 @@ def load_plugin(entry: EntryPoint) -> Any:
         return plugin
     raise CannotRunError(
         f"{_whose(entry)} names `{entry.value}`, a {type(plugin).__name__}; it must be a Click "
-        "command or group, or a Typer app."
+        "command or group, or a Typer app.",
+        hint="update or remove that distribution",
     )
 
 

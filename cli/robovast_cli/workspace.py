@@ -56,8 +56,8 @@ class Workspace:
         what = ("several .vast files" if found else "no .vast file") + " found in this folder"
         names = f" ({', '.join(map(str, found))})" if found else ""
         raise InputError(
-            f"{what}{names}. Pass one with `vast -V FILE …`, or create a project with `vast init "
-            "FILE`."
+            f"{what}{names}",
+            hint="pass one with `vast -V FILE …`, or create a project with `vast init FILE`",
         )
 
     def document(self, *, parse_scenario: bool = True) -> Document:

@@ -79,7 +79,10 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
     def needed(name: str) -> str:
         value = environment.get(name, "")
         if not value:
-            raise InputError(f"The environment variable {name} is not set. The chart sets {name}.")
+            raise InputError(
+                f"The environment variable {name} is not set",
+                hint=f"install the operator with its chart, which sets {name}",
+            )
         return value
 
     def number(setting: str) -> float:

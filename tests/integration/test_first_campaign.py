@@ -49,8 +49,6 @@ def test_an_example_ends_with_what_to_type_next_and_readme_queries_it(said: list
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    assert (
-        "6 runs, tables and metadata are up to date (the .vast file has no commands)" in done.stderr
-    )
+    assert "6 runs, tables and metadata are written (the .vast file has no commands)" in done.stderr
     rates = [row["param_growth_rate"] for row in json.loads(done.stdout)]
     assert sorted(rates) == [0.05, 0.1, 0.2]

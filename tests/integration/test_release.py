@@ -85,6 +85,23 @@ def test_a_dry_run_builds_and_checks_everything(tmp_path: Path) -> None:
     assert not tops & {".ci", ".github", ".vscode"}
 
 
+def test_without_helm_nothing_is_built(tmp_path: Path) -> None:
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True, timeout=120)
+    result = subprocess.run(
+        [clone / "scripts/release", __version__, "--dry-run"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "HELM": "no-helm"},
+        timeout=60,
+    )
+    assert (result.returncode, result.stdout) == (1, "")
+    assert result.stderr == (
+        "error: `no-helm` is not installed\nhint: install Helm, or set HELM to its path\n"
+    )
+    assert not (clone / "dist").exists()
+
+
 def test_a_release_of_a_changed_checkout_is_refused(tmp_path: Path) -> None:
     clone = tmp_path / "clone"
     subprocess.run(["git", "clone", "--quiet", ROOT, clone], check=True, timeout=120)

@@ -45,8 +45,8 @@ def _own_shell() -> Shell:
         if name == shell:
             return shell
     raise InputError(
-        f"$SHELL must be bash, zsh or fish, not {name or 'unset'}. Name the shell, for example "
-        "`vast install-completion bash`."
+        f"$SHELL must be bash, zsh or fish, not {name or 'unset'}",
+        hint="name the shell, for example `vast install-completion bash`",
     )
 
 

@@ -80,5 +80,7 @@ def choose_token(environment: Mapping[str, str]) -> tuple[str, str]:
         token = secrets.token_urlsafe(24)
         return token, f"this token: {token}"
     if not given.strip():
-        raise InputError(f"{TOKEN} is empty. Set it to a secret, or unset it for a new token.")
+        raise InputError(
+            f"{TOKEN} is empty", hint="set it to a secret, or unset it for a new token"
+        )
     return given, f"the token of {TOKEN}"

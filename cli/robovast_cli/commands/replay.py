@@ -95,10 +95,10 @@ def brought_here(run: Path, out: Path, context: str | None, namespace: str | Non
         if context or namespace:
             option = "`--context`" if context else "`-n` (`--namespace`)"
             count = namespace if namespace and namespace.isdecimal() else None
-            times = f" For {count} re-runs, use `vast replay --times {count}`." if count else ""
+            times = f". For {count} re-runs, use `vast replay --times {count}`" if count else ""
             raise InputError(
-                f"{run} is on this machine, but {option} selects a run on a cluster. "
-                f"Remove {option}.{times}"
+                f"{run} is on this machine, but {option} selects a run on a cluster",
+                hint=f"remove {option}{times}",
             )
         return run
     from robovast.base.optional_deps import CLUSTER

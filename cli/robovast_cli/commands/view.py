@@ -53,7 +53,7 @@ def view(
     on this machine, at an address with a secret. Nothing is postprocessed. Press Ctrl-C to stop.
     """
     if rerun and foxglove:
-        raise InputError("`--rerun` and `--foxglove` exclude each other. Use one of them.")
+        raise InputError("`--rerun` and `--foxglove` exclude each other", hint="use one of them")
     serve = serving()
     from robovast.evaluation.library import Library
 
@@ -126,18 +126,21 @@ def _place(path: Path) -> tuple[Path, tuple[str, ...]]:
     from robovast.evaluation.notebooks.workloads import target_of
 
     if not path.is_dir():
-        raise InputError(f"the folder {path} does not exist.")
+        raise InputError(
+            f"the folder {path} does not exist.",
+            hint="name the folder of a run, for example results/hall-2026-03-04-152130/hall-1/0",
+        )
     target = target_of(path)
     names = target.names[:3]
     if len(names) < 3 or not is_run_number(names[2]):
         raise InputError(
-            f"{path} is {'the folder of a campaign' if len(names) == 1 else 'not a run folder'}. "
-            "Name the folder of a run, <campaign>/<configuration>/<number>. `vast evaluation gui "
-            "-r` shows all runs of a campaign."
+            f"{path} is {'the folder of a campaign' if len(names) == 1 else 'not a run folder'}",
+            hint="name the folder of a run, <campaign>/<configuration>/<number>. `vast evaluation "
+            "gui -r` shows all runs of a campaign",
         )
     if not bags_in(list_files(target.results, "/".join(names))):
         raise InputError(
-            f"{path} has no recording: no folder contains .mcap or .db3 files. Record a bag to the "
-            "output folder in the scenario."
+            f"{path} has no recording: no folder contains .mcap or .db3 files",
+            hint="record a bag to the output folder in the scenario",
         )
     return target.results, names

@@ -306,9 +306,9 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         namespace = namespace or (SERVICE_ACCOUNT / "namespace").read_text(encoding="utf-8")
     except Exception as error:
         raise CannotRunError(
-            f"cannot log in to {_where(context, '')}: {_why_no_login(error)}. `kubectl config "
-            "get-contexts` lists the contexts of your kubeconfig ($KUBECONFIG, else "
-            "~/.kube/config)."
+            f"cannot log in to {_where(context, '')}: {_why_no_login(error)}",
+            hint=f"{_remedy(error)}run `kubectl config get-contexts` to list the contexts of your "
+            "kubeconfig ($KUBECONFIG, else ~/.kube/config)",
         ) from error
     with start_blocking_portal() as portal:
         try:
@@ -331,11 +331,15 @@ def _login(server: Any, context: str | None) -> None:
     # Not the loader of kubernetes.aio: that one does not renew tokens, nor keep renewed ones.
     program = login_program(context)
     if program and os.sep not in program and shutil.which(program) is None:
-        raise CannotRunError(f"the login program `{program}` of the kubeconfig is not installed")
+        raise CannotRunError(
+            f"the login program `{program}` of the kubeconfig is not installed",
+            hint=f"install `{program}`, or use another context with `--context`",
+        )
     config.load_kube_config(files(), context, client_configuration=server)
     if program and not (server.api_key or server.cert_file):
         raise CannotRunError(
-            f"the login program `{program}` of the kubeconfig returned no credentials"
+            f"the login program `{program}` of the kubeconfig returned no credentials",
+            hint="log in again, or use another context with `--context`",
         )
     if server.proxy:
         server.client_session_kwargs = {"proxy": server.proxy}  # for port forwarding, too
@@ -359,7 +363,13 @@ def _why_no_login(error: Exception) -> str:
         return "a certificate, key or token in the kubeconfig is not valid base64"
     if isinstance(error, OSError):
         return f"{error.filename} cannot be read: {error.strerror}"
-    return str(error).rstrip(".") or type(error).__name__
+    said = error.message if isinstance(error, RobovastError) else str(error)
+    return said.rstrip(".") or type(error).__name__
+
+
+def _remedy(error: Exception) -> str:
+    hint = error.hint if isinstance(error, RobovastError) else ""
+    return f"{hint}, or " if hint else ""
 
 
 def _where(context: str | None, server: str) -> str:

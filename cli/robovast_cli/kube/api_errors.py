@@ -37,16 +37,16 @@ def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
         return InputError(_invalid(status, message, where))
     if code == 401:
         return CannotRunError(
-            f"{where} does not accept your credentials. Log in again, or select another context "
-            "with `--context`."
+            f"{where} does not accept your credentials",
+            hint="log in again, or select another context with `--context`",
         )
     if code == 403:
-        return CannotRunError(f"{where} denied the request: {message}. {_remedy(message)}")
+        return CannotRunError(f"{where} denied the request: {message}", hint=_remedy(message))
     if code == 404 and not status.get("details", {}).get("name"):
         return NotInstalledError(
-            f"RoboVAST is not installed in this cluster ({where}): the CRDs are missing. Install "
-            "it with `vast exec cluster setup CLUSTER_CONFIG`; `--list` lists the cluster "
-            "configurations."
+            f"RoboVAST is not installed in this cluster ({where}): the CRDs are missing",
+            hint="install it with `vast exec cluster setup CLUSTER_CONFIG`; `--list` lists the "
+            "cluster configurations",
         )
     if code == 429 or code >= 500:
         return unreachable(message, where)
@@ -57,8 +57,9 @@ def refusal(code: int, status: Mapping[str, Any], where: str) -> RobovastError:
 def unreachable(cause: str, where: str) -> RobovastError:
     """The error when the API server does not answer."""
     return UnreachableError(
-        f"cannot connect to {where}: {cause}. Check that the cluster is running and that the "
-        "context is correct. `kubectl config get-contexts` lists all; `--context` selects one."
+        f"cannot connect to {where}: {cause}",
+        hint="check that the cluster is running and that the context is correct. `kubectl "
+        "config get-contexts` lists all; `--context` selects one",
     )
 
 
@@ -66,12 +67,12 @@ def _remedy(message: str) -> str:
     """Return the remedy for a denied request: permissions or quota may be missing."""
     if "exceeded quota" in message:
         return (
-            "Delete unused objects (`vast exec cluster run-cleanup` deletes finished campaigns), "
-            "or ask your cluster administrator to raise the quota."
+            "delete unused objects (`vast exec cluster run-cleanup` deletes finished campaigns), "
+            "or ask your cluster administrator to raise the quota"
         )
     return (
-        "Ask your cluster administrator for a RoleBinding in this namespace, or select another "
-        "one with `--namespace`."
+        "ask your cluster administrator for a RoleBinding in this namespace, or select another "
+        "one with `--namespace`"
     )
 
 

@@ -34,7 +34,9 @@ def choose(context: str | None, namespace: str | None) -> tuple[str | None, str 
         CannotRunError: there is no such context.
     """
     if namespace and not re.fullmatch(DNS_LABEL, namespace):
-        raise InputError(f"`{namespace}` is not a valid namespace name: use only a-z, 0-9 and `-`.")
+        raise InputError(
+            f"`{namespace}` is not a valid namespace name", hint="use only a-z, 0-9 and `-`"
+        )
     told = (file.get("current-context") for file in _all())
     chosen = context or next(filter(None, told), None)
     found = _entry("context", chosen)
@@ -42,7 +44,8 @@ def choose(context: str | None, namespace: str | None) -> tuple[str | None, str 
         known = (item.get("name") for file in _all() for item in file.get("contexts") or ())
         raise CannotRunError(
             f"the context `{chosen}` does not exist in your kubeconfig ($KUBECONFIG, else "
-            f"~/.kube/config); it has {', '.join(map(str, known)) or 'none'}."
+            f"~/.kube/config); it has {', '.join(map(str, known)) or 'none'}.",
+            hint="select a context with `--context`",
         )
     if found is None:
         return chosen, namespace
@@ -73,5 +76,8 @@ def _all() -> list[dict[str, Any]]:
 def _read(path: Path) -> dict[str, Any]:
     data = (path.exists() and Source.read(path).data) or {}
     if not isinstance(data, dict):
-        raise InputError(f"{path} is not a valid kubeconfig: it contains no mapping.")
+        raise InputError(
+            f"{path} is not a valid kubeconfig: it contains no mapping.",
+            hint="set $KUBECONFIG to a kubeconfig, or create one with the tool of your cluster",
+        )
     return data

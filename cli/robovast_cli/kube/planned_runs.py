@@ -62,7 +62,8 @@ class PlannedRuns:
         except (ValueError, IndexError):
             raise InputError(
                 f"the campaign has no run `{run}`; it has {self.plan.total} runs, from "
-                f"{self.path_of(0)} to {self.path_of(self.plan.total - 1)}."
+                f"{self.path_of(0)} to {self.path_of(self.plan.total - 1)}.",
+                hint="name one of these runs",
             ) from None
 
     def path_of(self, id_: int) -> str:

@@ -46,7 +46,8 @@ def check_container(pod: Json, name: str) -> None:
     if name not in names:
         raise InputError(
             f"the pod {pod['metadata']['name']} has no container `{name}`; it has "
-            f"{', '.join(names)}."
+            f"{', '.join(names)}.",
+            hint="name one of them",
         )
 
 

@@ -200,5 +200,5 @@ def _refuse_no_folder(run: str) -> None:
         split_run(run)
     except ValueError:
         raise InputError(
-            f"`{run}` is not a valid run. Name its folder, for example `hall-1/0`."
+            f"`{run}` is not a valid run", hint="name its folder, for example `hall-1/0`"
         ) from None

@@ -251,7 +251,9 @@ def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
     exact = [c for c in found if c.name == name] or found
     if len(exact) > 1:
         names = ", ".join(campaign.name for campaign in exact)
-        raise InputError(f"several campaigns have results named {name}. Name one of them: {names}.")
+        raise InputError(
+            f"several campaigns have results named {name}", hint=f"name one of them: {names}"
+        )
     return exact[0] if exact else None
 
 
@@ -265,7 +267,8 @@ def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> 
     if found is None:
         raise InputError(
             f"there is no campaign `{name}` in the namespace {namespace}; it has "
-            f"{some_names(known)}."
+            f"{some_names(known)}.",
+            hint="name a campaign, or select another namespace with `--namespace`",
         )
     return found
 

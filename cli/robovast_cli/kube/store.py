@@ -99,20 +99,21 @@ def _keys(kube: Kubernetes, secret: str) -> tuple[str, str]:
     if given[0] and given[1]:
         return given[0], given[1]
     remedy = (
-        f"Set {ACCESS_KEY} and {SECRET_KEY}, or ask your cluster administrator for the permission "
-        "to read that Secret, or for access to the web UI of the cluster (chart: `page.viewers`)."
+        f"set {ACCESS_KEY} and {SECRET_KEY}, or ask your cluster administrator for the permission "
+        "to read that Secret, or for access to the web UI of the cluster (chart: `page.viewers`)"
     )
     try:
         found = kube.secret(secret)
     except CannotRunError as error:
-        raise CannotRunError(f"{error} {remedy}") from error
+        raise CannotRunError(error.message, hint=remedy) from error
     data = (found or {}).get("data") or {}
     try:
         access, hidden = (_decoded(data[key]) for key in ("accessKey", "secretKey"))
     except KeyError:
         raise CannotRunError(
             f"cannot access the S3 server: the namespace {kube.namespace} has no Secret "
-            f"`{secret}` with the keys `accessKey` and `secretKey`. {remedy}"
+            f"`{secret}` with the keys `accessKey` and `secretKey`",
+            hint=remedy,
         ) from None
     return access, hidden
 
@@ -131,8 +132,8 @@ def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
     """
     if not endpoint:
         raise StorageError(
-            f"the address of the cluster's S3 server is unknown. Set {ENDPOINT}, for example "
-            "`https://s3.example.org`."
+            "the address of the cluster's S3 server is unknown",
+            hint=f"set {ENDPOINT}, for example `https://s3.example.org`",
         )
     service = cluster_service(endpoint)
     if service is None:
@@ -142,8 +143,8 @@ def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
     found = kube.service(name, namespace)
     if found is None:
         raise CannotRunError(
-            f"the Service `{name}` does not exist in the namespace {namespace}. `vast exec cluster "
-            "setup` installs RoboVAST's embedded storage."
+            f"the Service `{name}` does not exist in the namespace {namespace}",
+            hint="run `vast exec cluster setup` to install RoboVAST's embedded storage",
         )
     targets = {item["port"]: item.get("targetPort") for item in found["spec"]["ports"]}
     with _forward(kube, found, targets.get(port) or port) as local:
@@ -159,6 +160,7 @@ def _forward(kube: Kubernetes, service: Json, target: int | str) -> Iterator[int
             name, namespace = (service["metadata"][key] for key in ("name", "namespace"))
             raise CannotRunError(
                 f"cannot connect to the S3 server through the Service `{name}` in the namespace "
-                f"{namespace}: {error}. Check `kubectl --namespace {namespace} get pods`."
+                f"{namespace}: {error}",
+                hint=f"check `kubectl --namespace {namespace} get pods`",
             ) from error
         yield port

@@ -44,7 +44,7 @@ def _read(query: str) -> str:
         try:
             return sys.stdin.read()
         except UnicodeDecodeError:
-            raise InputError("-: is not text in UTF-8.") from None
+            raise InputError("-: is not text in UTF-8.", hint="save the text in UTF-8") from None
     path = Path(query)
     return read_text(path) if path.is_file() else read_query(query)
 

@@ -55,12 +55,13 @@ def refuse_document(out: Path | None) -> None:
         return
     if os.path.exists(out):
         raise InputError(
-            f"`{out}` is a .vast file, but OUT is the results folder. Run the file with `vast "
-            f"--vast-file {out} exec local run`."
+            f"`{out}` is a .vast file, but OUT is the results folder",
+            hint=f"run the file with `vast --vast-file {out} exec local run`",
         )
     raise InputError(
-        f"`{out}` does not exist. Pass a .vast file with `--vast-file`. OUT is the results "
-        "folder, whose name must not end with `.vast`."
+        f"`{out}` does not exist",
+        hint="pass a .vast file with `--vast-file`. OUT is the results folder, whose name must "
+        "not end with `.vast`",
     )
 
 
@@ -74,17 +75,18 @@ def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
     entries = [entry.name for entry in document.vast.configuration or ()]
     if os.path.lexists(out) or not _looks_like_configuration(str(out), entries):
         return options
-    folder = f"`--output '{out}'` creates a folder of this name."
+    folder = f"use `--output '{out}'` to create a folder of this name"
     with expanded(document) as variants:
         try:
             number = len(select_variants(variants, str(out)))
         except InputError as error:
-            raise InputError(f"{error} OUT is the results folder; {folder}") from None
+            hint = f"{error.hint}. OUT is the results folder; {folder}"
+            raise InputError(error.message, hint=hint) from None
     kind = "a configuration" if number == 1 else f"the name of {number} configurations"
     if not sys.stdin.isatty():
         raise InputError(
-            f"`{out}` is {kind}, but OUT is the results folder. `--config '{out}'` runs only this "
-            f"selection; {folder}"
+            f"`{out}` is {kind}, but OUT is the results folder",
+            hint=f"use `--config '{out}'` to run only this selection; {folder}",
         )
     question = f"`{out}` is {kind}. Run only this selection (no: create the folder {out})?"
     return replace(options, select=str(out)) if asked(question, default=True) else options

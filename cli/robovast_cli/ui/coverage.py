@@ -66,7 +66,8 @@ def holes_text(document: Document, entries: Sequence[EntryCoverage]) -> tuple[st
         rows = completing(found.counts, found.sizes)
         if rows and any(axis.drawn for axis in found.axes):
             raise InputError(
-                f"`{found.entry.name}` has random values. Increase their number in the .vast file."
+                f"`{found.entry.name}` has random values",
+                hint="increase their number in the .vast file",
             )
         variants = expand_rows(document, found.entry, rows) if rows else []
         if any(variant.files for variant in variants):

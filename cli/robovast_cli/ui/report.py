@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
+import re
 import sys
 import traceback
 from collections.abc import Iterator
@@ -12,11 +13,13 @@ from collections.abc import Iterator
 import typer
 
 from robovast.base.errors import DocumentError, ExitCode, RobovastError
-from robovast.base.file_errors import is_refusal, sentence
+from robovast.base.file_errors import is_refusal, refusal
 from robovast.base.optional_deps import missing_extra
 from robovast.base.printable import printable
 from robovast.base.task_record import report
 
+_SENTENCES = re.compile(r"[^.]\. +[A-Z`$]")
+"""Where a sentence follows another one."""
 BROKEN_PIPE = 141
 """Exit code when the reader of the output has gone, as of every program that SIGPIPE ends."""
 
@@ -34,7 +37,7 @@ def errors_reported() -> Iterator[None]:
     except RobovastError as error:
         _show_traceback()
         tell(message_of(error))
-        report(error=printable(message_of(error)))
+        report(error=printable(_text_of(error)))
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
         tell("interrupted")
@@ -51,10 +54,11 @@ def errors_reported() -> Iterator[None]:
             raise typer.Exit(lacking.exit_code) from None
         if isinstance(error, OSError) and is_refusal(error):
             silence_stdout()  # what it holds would fail once more, if that is what has failed
-            tell(f"error: {sentence(error)}")
+            tell(in_form(*refusal(error)))
             raise typer.Exit(ExitCode.STORAGE) from None
         cause = f"{type(error).__name__}: {error}".rstrip(": ").replace("\n", " ")
-        tell(f"error: a bug in RoboVAST: {cause} (`vast -l debug …` shows the traceback)")
+        bug, remedy = f"a bug in RoboVAST: {cause}", "run `vast -l debug …` to see the traceback"
+        tell(in_form(bug, remedy))
         raise typer.Exit(ExitCode.INTERNAL) from None
 
 
@@ -67,11 +71,29 @@ def silence_stdout() -> None:
 def message_of(error: RobovastError) -> str:
     """Return the message of an error for the user."""
     if not isinstance(error, DocumentError):
-        return f"error: {error}"
+        return in_form(error.message, error.hint)
     count = len(error.problems)
     files = dict.fromkeys(str(problem.place.file) for problem in error.problems)
     found = "1 problem" if count == 1 else f"{count} problems"
     return f"{error}\nerror: {found} in {', '.join(files)}"
+
+
+def _text_of(error: RobovastError) -> str:
+    return message_of(error) if isinstance(error, DocumentError) else f"error: {error}"
+
+
+def in_form(message: str, hint: str = "") -> str:
+    """Return the lines of an error: `error: <what failed>: <cause>`, then `hint: <what to do>`."""
+    lines = [f"error: {_line(message)}", *([f"hint: {_line(hint)}"] if hint else ())]
+    return "\n".join(lines)
+
+
+def _line(text: str) -> str:
+    """A text, which ends with a period only if it has several sentences."""
+    bare = text.rstrip()
+    if _SENTENCES.search(bare):
+        return bare if bare.endswith((".", "?", "!", "…")) else f"{bare}."
+    return bare.removesuffix(".")
 
 
 def _show_traceback() -> None:

@@ -12,43 +12,78 @@ from typing import Any
 import typer
 
 from robovast.base.paths import normalized
+from robovast_cli.ui.report import in_form, tell
 
 _TOO_MANY = "Got unexpected extra argument"
-_VAST_FILE = ". Pass the .vast file before the command: `vast -V FILE …`."
-_SEVERAL_FILES = ". If a `*` on the command line matches several files or folders, name one."
+_VAST_FILE = "pass the .vast file before the command: `vast -V FILE …`"
+_SEVERAL_FILES = "if a `*` on the command line matches several files or folders, name one"
 _KINDS = {"int": "N", "float": "NUMBER", "str": "TEXT"}
 """Names of types in the help."""
 _EXTRA = re.compile(r"  \[(?:default: ([^];]*))?(?:; )?([^]]*)\]$")
 """Suffix of Typer: default, range of a number, `required`."""
 
 
+class UsageError(typer.BadParameter):
+    """A wrong use of the command line."""
+
+    def __init__(self, message: str, ctx: Any, param: Any = None, *, hint: str) -> None:
+        super().__init__(message, ctx, param)
+        self.hint = hint
+
+    def format_message(self) -> str:
+        """The message, which begins with the option if one is at fault."""
+        return super().format_message() if self.param else self.message
+
+
 @contextmanager
 def usage_explained() -> Iterator[None]:
-    """Reword errors about a value of the command line."""
+    """Reword errors about the command line and print them, below the usage of the command.
+
+    Raises:
+        typer.Exit: with the code of the error, after the error was printed.
+    """
     try:
         yield
-    except typer.BadParameter as error:
-        error.message = _explained(error)
-        raise
     except typer.TyperException as error:
-        if error.message.startswith(_TOO_MANY):
-            error.message += _VAST_FILE if ".vast" in error.message else _SEVERAL_FILES
-        raise
+        if type(error).__name__ == "NoArgsIsHelpError":
+            raise  # its message is the help of the command
+        message, hint = _explained(error)
+        ctx = getattr(error, "ctx", None)
+        usage = f"{ctx.get_usage()}\n\n" if ctx else ""
+        help_option = f"run `{ctx.command_path} --help`" if ctx else ""
+        tell(f"{usage}{in_form(message, hint or help_option)}")
+        raise typer.Exit(error.exit_code) from None
 
 
-def _explained(error: Any) -> str:
+def _explained(error: Any) -> tuple[str, str]:
+    """The message of an error and its hint, which may be empty."""
     details: list[Any] = getattr(error.__cause__, "errors", list)()
-    if not details:
-        return str(error.message)
+    if details and isinstance(error, typer.BadParameter):
+        error.message, hint = _value(error, details[0])
+        return _lowered(error.format_message()), hint
+    if near := sorted(getattr(error, "possibilities", None) or ()):
+        return _lowered(error.message), f"did you mean {', '.join(near)}?"
+    if error.message.startswith(_TOO_MANY):
+        return _lowered(error.message), _VAST_FILE if ".vast" in error.message else _SEVERAL_FILES
+    message, mark, near = error.format_message().partition(". Did you mean ")
+    return _lowered(message), getattr(error, "hint", "") or (f"did you mean {near}" if mark else "")
+
+
+def _value(error: Any, details: Any) -> tuple[str, str]:
+    """What is wrong with a value, and the nearest choice, if there are choices."""
     from robovast.model.document.problems import nearest, sentence
 
     choices = [str(choice) for choice in error.param.type_descriptor.choices or ()]
     if not choices:
-        return f"{sentence(details[0])}."
-    given = details[0]["input"]
+        return sentence(details), ""
+    given = details["input"]
     near = nearest(str(given), choices)
-    hint = f" Did you mean {near!r}?" if near else ""
-    return f"must be one of {', '.join(choices)}, not {given!r}.{hint}"
+    wrong = f"must be one of {', '.join(choices)}, not {given!r}"
+    return wrong, f"did you mean {near!r}?" if near else ""
+
+
+def _lowered(text: str) -> str:
+    return text[:1].lower() + text[1:] if text[1:2].islower() else text
 
 
 def name_values(command: Any) -> Any:
@@ -96,11 +131,11 @@ def _single(command: Any, param: Any) -> Any:
     def parse_args(ctx: Any, args: list[str]) -> Any:
         _, _, order = command.make_parser(ctx).parse_args(list(args))
         if order.count(param) > 1:
-            raise typer.BadParameter(
-                "is given twice, but this command uses one cluster. Name one, and run the command "
-                "again for each other cluster.",
-                ctx=ctx,
-                param=param,
+            raise UsageError(
+                "is given twice, but this command uses one cluster",
+                ctx,
+                param,
+                hint="name one, and run the command again for each other cluster",
             )
         return parse(ctx, args)
 

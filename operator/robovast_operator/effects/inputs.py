@@ -353,8 +353,9 @@ class Inputs:
         found = await self._load_revisions(identity, cache)
         if not found or found[-1].number < number:
             raise InputError(
-                f"ConfigMap {name} exists but does not belong to this campaign. Remove the "
-                f"ConfigMap with `kubectl delete configmap {name} -n {identity.namespace}`."
+                f"ConfigMap {name} exists but does not belong to this campaign",
+                hint=f"remove the ConfigMap with `kubectl delete configmap {name} -n "
+                f"{identity.namespace}`",
             )
 
     async def withdrawn(

@@ -163,7 +163,8 @@ class Apart:
         seconds = min(LONGEST_DELAY, 2 * kept[who].seconds if who in kept else FIRST_DELAY)
         self._delays = {**kept, who: _Delay(seconds, now + seconds)}
         return TooLargeError(
-            f"{error} The operator checks a change after {seconds:g} s at the earliest."
+            error.message,
+            hint=f"{error.hint}. The operator checks a change after {seconds:g} s at the earliest",
         )
 
 
@@ -187,7 +188,7 @@ class _Process:
             self._process.start()
         except RecursionError:
             raise InputError(
-                "The field spec.vast is nested too deeply. Simplify the .vast file."
+                "The field spec.vast is nested too deeply", hint="simplify the .vast file"
             ) from None
         self._sender.close()
         try:
@@ -195,8 +196,8 @@ class _Process:
             found: tuple[bool, Any] = self._receive(self._seconds)
         except EOFError:
             raise TooLargeError(
-                "The process that expands the .vast file ended, probably for lack of memory. "
-                f"{_SMALLER}"
+                "The process that expands the .vast file ended, probably for lack of memory",
+                hint=_SMALLER,
             ) from None
         finally:
             self.end()
@@ -207,7 +208,7 @@ class _Process:
     def _receive(self, seconds: float) -> Any:
         if not self._receiver.poll(seconds):
             raise TooLargeError(
-                f"The expansion of the .vast file takes longer than {seconds:g} s. {_SMALLER}"
+                f"The expansion of the .vast file takes longer than {seconds:g} s", hint=_SMALLER
             )
         return self._receiver.recv()
 
@@ -217,7 +218,7 @@ class _Process:
             self._process.kill()
 
 
-_SMALLER = "Use fewer or smaller values, or split the .vast file into several Campaigns."
+_SMALLER = "use fewer or smaller values, or split the .vast file into several Campaigns"
 
 
 def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) -> None:
@@ -237,8 +238,8 @@ def _work(sender: Connection, bounds: Bounds, function: Callable[[], object]) ->
         answer = (
             False,
             TooLargeError(
-                f"The expansion of the .vast file needs more than {bounds.memory >> 20} MiB. "
-                f"{_SMALLER}"
+                f"The expansion of the .vast file needs more than {bounds.memory >> 20} MiB",
+                hint=_SMALLER,
             ),
         )
     except Exception as error:

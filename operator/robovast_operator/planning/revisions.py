@@ -191,8 +191,9 @@ def _revision(number: int, name: str, obj: Object) -> Revision:
 
 def _no_plan(name: str, why: str) -> InputError:
     return InputError(
-        f"ConfigMap {name} is not the plan that the operator created: {clause(why)}. Restore the "
-        "ConfigMap from a backup, or create another Campaign. Stored results stay in the bucket."
+        f"ConfigMap {name} is not the plan that the operator created: {clause(why)}",
+        hint="restore the ConfigMap from a backup, or create another Campaign. Stored results "
+        "stay in the bucket",
     )
 
 
@@ -247,7 +248,8 @@ def next_revision(
     if total > RUNS_LIMIT:
         raise InputError(
             f"The campaign and the added Configurations would have {total:,} runs, but at most "
-            f"{RUNS_LIMIT:,} are allowed. Lower `runs`."
+            f"{RUNS_LIMIT:,} are allowed",
+            hint="lower `runs`",
         )
     plan = newest.plan.model_copy(update={"blocks": tuple(blocks)})
     plan = PlanSpec.model_validate(plan.model_dump())

@@ -51,9 +51,9 @@ def carrying(job: Object, config_maps: Mapping[str, Object]) -> Object:
     size = sum(len(key.encode()) + len(text.encode()) for key, text in annotations.items())
     if size > MOST - _ROOM:
         raise InputError(
-            f"The .vast file, the plan and the packed input files have {size} bytes, but a Job for "
-            f"another cluster can carry at most {MOST - _ROOM} bytes. Move files to "
-            "spec.source.bundle or spec.source.git, or split the .vast file."
+            f"The .vast file, the plan and the packed input files have {size} bytes, but a Job "
+            f"for another cluster can carry at most {MOST - _ROOM} bytes",
+            hint="move files to spec.source.bundle or spec.source.git, or split the .vast file",
         )
     template["metadata"]["annotations"] = annotations
     return made
@@ -87,8 +87,8 @@ def _carry(
     for wanted in source.get("items") or [{"key": key, "path": key} for key in keys]:
         if wanted["key"] not in keys:
             raise InputError(
-                f"ConfigMap {source['name']} has no key `{wanted['key']}`. Add the key, or change "
-                "spec.source.configMap."
+                f"ConfigMap {source['name']} has no key `{wanted['key']}`",
+                hint="add the key, or change spec.source.configMap",
             )
         name = f"robovast.io/carried-{len(annotations)}"
         path, annotations[name] = item_of(found, wanted["key"], wanted["path"])

@@ -1,7 +1,7 @@
 """Errors for users, and their exit codes.
 
-Each message says what is wrong, where, why, and how to fix it. The command line prints only the
-message; `--log-level debug` adds a traceback.
+Each message says what is wrong, where and why; its hint says what to do. The command line prints
+them in two lines (docs/contributing/style.md); `--log-level debug` adds a traceback.
 """
 
 from __future__ import annotations
@@ -38,12 +38,37 @@ class ExitCode(IntEnum):
 
 
 class RobovastError(Exception):
-    """Base class of errors for users."""
+    """Base class of errors for users.
+
+    Args:
+        message: what failed and why, such as "cannot write into /data: the disk is full".
+        hint: what to do, such as "choose another folder": without capital and period.
+    """
 
     exit_code: ExitCode = ExitCode.INTERNAL
 
-    def __str__(self) -> str:
+    def __init__(self, *message: object, hint: str = "") -> None:
+        super().__init__(*message)
+        self.hint = without_userinfo(hint)
+
+    @property
+    def message(self) -> str:
+        """What failed and why, without the hint."""
         return without_userinfo(super().__str__())
+
+    def __str__(self) -> str:
+        return with_hint(self.message, self.hint)
+
+
+def with_hint(message: str, hint: str) -> str:
+    """Return a message and its hint as sentences of one text, as conditions and records need it."""
+    if not hint:
+        return message
+    return f"{_sentence(message)} {_sentence(hint[:1].upper() + hint[1:])}"
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith((".", "!", "?", "…")) else f"{text}."
 
 
 def without_userinfo(text: str) -> str:

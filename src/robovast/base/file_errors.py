@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from robovast.base.errors import InputError, StorageError
+from robovast.base.errors import InputError, StorageError, with_hint
 from robovast.base.safe_paths import read_file
 
 LARGEST = 64 << 20
@@ -41,9 +41,14 @@ def is_refusal(error: OSError) -> bool:
 
 def sentence(error: OSError) -> str:
     """What a machine refuses, where that is known, and the remedy."""
+    return with_hint(*refusal(error))
+
+
+def refusal(error: OSError) -> tuple[str, str]:
+    """What a machine refuses, where that is known, and the remedy, which may be empty."""
     place = f"{error.filename}: " if error.filename else ""
-    remedy = " Free some space, then repeat it." if error.errno in _FULL else ""
-    return f"{place}{cause(error)}.{remedy}"
+    remedy = "free some space, then repeat the command" if error.errno in _FULL else ""
+    return f"{place}{cause(error)}.", remedy
 
 
 def cause(error: OSError) -> str:

@@ -25,8 +25,10 @@ def find_campaigns(results: Path) -> list[Path]:
         InputError: the folder is missing or contains no campaign.
     """
     if not os.path.isdir(results):
-        why = obstacle(results) or f"{results}: there is no such folder"
-        raise InputError(f"{why}. Name a results folder or a campaign's folder.")
+        raise InputError(
+            obstacle(results) or f"{results}: there is no such folder",
+            hint="name a results folder or a campaign's folder",
+        )
     if holds_campaign(results):
         _warn_of_names(results)
         return [results]
@@ -36,8 +38,8 @@ def find_campaigns(results: Path) -> list[Path]:
     if not found:
         raise InputError(
             f"{results} contains no campaign: neither it nor a folder in it has a .vast file in "
-            "`_config`, or reports of another tool in `<configuration>/<run number>/test.xml`. "
-            "Name the results folder with `-r`."
+            "`_config`, or reports of another tool in `<configuration>/<run number>/test.xml`",
+            hint="name the results folder with `-r`",
         )
     found = [path for path in found if is_printable(path.name)]
     for folder in (results, *found):

@@ -133,8 +133,8 @@ def latest_with(results: Path, name: str) -> str:
         if _read(results, campaign, name) is not None:
             return campaign
     raise MissingError(
-        f"no campaign in {results} has a configuration `{name}`. Use the name of a configuration "
-        "folder, or set the results folder with `-r`."
+        f"no campaign in {results} has a configuration `{name}`",
+        hint="use the name of a configuration folder, or set the results folder with `-r`",
     )
 
 

@@ -97,9 +97,13 @@ def create_project(
     """
     path = root.absolute() / PROJECT_FILE
     if not os.path.isfile(vast_file):
-        raise InputError(f"{vast_file}: there is no such file.")
+        raise InputError(
+            f"{vast_file}: there is no such file.",
+            hint="write the file as in docs/tutorials/own-robot.md, or copy an example from "
+            "configs/examples",
+        )
     if os.path.exists(path) and not force:
-        raise InputError(f"{path} exists already; `--force` replaces it.")
+        raise InputError(f"{path} exists already", hint="use `--force` to replace it")
     data = {
         "config": _relative(vast_file, path.parent),
         "results_dir": _relative(results_dir, path.parent),

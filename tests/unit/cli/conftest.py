@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,11 @@ class Outcome:
     code: int
     out: str
     err: str
+
+    @property
+    def is_one_error(self) -> bool:
+        """Whether stderr has one error in the form of docs/contributing/style.md."""
+        return re.fullmatch(r"error: .+[^.]\n(hint: .+\n)?", self.err) is not None
 
 
 Vast = Callable[..., Outcome]

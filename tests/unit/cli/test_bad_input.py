@@ -200,8 +200,8 @@ def test_a_glob_that_matches_nothing_names_what_there_is(vast, sweep: Path) -> N
 @pytest.mark.parametrize(
     ("files", "message"),
     [
-        ([], "no .vast file found in this folder."),
-        (["a", "b"], "several .vast files found in this folder (a.vast, b.vast)."),
+        ([], "no .vast file found in this folder"),
+        (["a", "b"], "several .vast files found in this folder (a.vast, b.vast)"),
     ],
 )
 def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], message: str) -> None:
@@ -210,8 +210,8 @@ def test_without_a_file_the_remedy_is_told(vast, folder, files: list[str], messa
     outcome = vast("config", "list")
     assert outcome.code == 2
     assert outcome.err == (
-        f"error: {message} Pass one with `vast -V FILE …`, or create a project with `vast init "
-        "FILE`.\n"
+        f"error: {message}\n"
+        "hint: pass one with `vast -V FILE …`, or create a project with `vast init FILE`\n"
     )
 
 
@@ -235,7 +235,7 @@ BAD = [
     (
         ["exec", "local", "run", "gone.vast"],
         2,
-        "`gone.vast` does not exist. Pass a .vast file with",
+        "`gone.vast` does not exist\nhint: pass a .vast file with",
     ),
     (
         [*RUN, "dangling/x"],
@@ -254,7 +254,7 @@ BAD = [
     (
         [*RUN, "fixed"],
         2,
-        "`fixed` is a configuration, but OUT is the results folder. `--config",
+        "`fixed` is a configuration, but OUT is the results folder\nhint: use `--config",
     ),
     ([*RUN, "sweep"], 2, "`sweep` is the name of 6 configurations, but OUT is the results"),
     ([*RUN, "sweep-*"], 2, "`sweep-*` is the name of 6 configurations, but OUT is the results"),
@@ -265,23 +265,23 @@ BAD = [
     ),
     ([*RUN, "x*"], 2, "no configuration matches `x*`. There are 7, for example sweep"),
     ([*RUN, "--resume", "file"], 2, "/file is not a campaign's folder: "),
-    ([*RUN, "--resume", "loop"], 2, "loop is a link to `loop`, which leads nowhere."),
+    ([*RUN, "--resume", "loop"], 2, "loop is a link to `loop`, which leads nowhere"),
     ([*RUN, "--resume", "b\udcff"], 5, "the path is not text in UTF-8."),
-    (["-V", ".", "config", "check"], 2, ".: cannot be read: it is a folder."),
+    (["-V", ".", "config", "check"], 2, ".: cannot be read: it is a folder"),
     (["-V", "dangling", "config", "check"], 2, "dangling: is a link to `nowhere`, which does not"),
     (
         ["-V", "loop", "config", "check"],
         2,
         "loop: cannot be read: a link in its path leads back to",
     ),
-    (["-V", "file/x", "config", "check"], 2, "cannot be read: a part of its path is not a folder."),
+    (["-V", "file/x", "config", "check"], 2, "cannot be read: a part of its path is not a folder"),
     (
         ["-V", "/dev/zero", "config", "check"],
         2,
-        "/dev/zero: cannot be read: is not a regular file.",
+        "/dev/zero: cannot be read: is not a regular file",
     ),
     (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
-    (["results", "postprocess", "-r", "file"], 2, "file is a file. Name a results folder"),
+    (["results", "postprocess", "-r", "file"], 2, "file is a file\nhint: name a results folder"),
     (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),
     (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
     (
@@ -337,7 +337,7 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
         ("4", "`4` is 4 bytes; no run can do with less than 1Mi: did you mean `4Gi`?"),
         ("4096", "`4096` is 4,096 bytes; no run can do with less than 1Mi: did you mean `4096Mi`?"),
         ("0.5", "`0.5` is 0.5 bytes; no run can do with less than 1Mi: did you mean `0.5Gi`?"),
-        ("4k", "`4k` is 4,000 bytes; no run can do with less than 1Mi: write `8Gi` or `4096Mi`."),
+        ("4k", "`4k` is 4,000 bytes; no run can do with less than 1Mi: write `8Gi` or `4096Mi`"),
     ],
 )
 def test_an_amount_without_its_unit_is_refused_wherever_runs_begin(
@@ -420,7 +420,7 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
         "error: latin.vast: not a text file in UTF-8 (byte 32): is it the right file?\n"
     )
     assert vast("-V", "none.vast", "config", "list").err == (
-        "error: none.vast: there is no such file.\n"
+        "error: none.vast: there is no such file\n"
     )
     assert vast("-V", folder, "config", "list").code == 2
 
@@ -428,25 +428,40 @@ def test_files_that_cannot_be_read(vast, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["confg"], "No such command 'confg'. Did you mean 'config'?"),
-        (["summary"], "No such command 'summary'. Did you mean `vast results summary`?"),
-        (["run"], "Did you mean `vast exec cluster run`, `vast exec local run`?"),
-        (["results", "summary", "a", "b"], "If a `*` on the command line matches several files"),
+        (["confg"], "no such command 'confg'\nhint: did you mean 'config'?\n"),
+        (["summary"], "no such command 'summary'\nhint: did you mean `vast results summary`?\n"),
+        (["run"], "hint: did you mean `vast exec cluster run`, `vast exec local run`?"),
+        (
+            ["results", "summary", "a", "b"],
+            "hint: if a `*` on the command line matches several files",
+        ),
         (["config", "check", "a.vast"], "before the command: `vast -V FILE …`"),
-        (["config", "lst"], "No such command 'lst'. Did you mean 'list'?"),
-        (["config", "list", "-o", "xml"], ": must be one of table, name, json, yaml, not 'xml'."),
-        (["-l", "wrning", "config", "list"], "not 'wrning'. Did you mean 'warning'?"),
-        (["exec", "local", "run", "--runtime", "podmn"], "Did you mean 'podman'?"),
-        (["exec", "local", "run", "--jobs", "0"], "'-j' / '--jobs': must be at least 1, not '0'."),
-        (["exec", "local", "run", "--jobs", "x"], ": must be a whole number, not 'x'."),
-        (["evaluation", "gui", "-p", "99999"], ": must be at most 65535, not '99999'."),
+        (["config", "lst"], "no such command 'lst'\nhint: did you mean 'list'?\n"),
+        (
+            ["config", "list", "-o", "xml"],
+            ": must be one of table, name, json, yaml, not 'xml'\nhint: run `vast config list",
+        ),
+        (["-l", "wrning", "config", "list"], "not 'wrning'\nhint: did you mean 'warning'?"),
+        (["exec", "local", "run", "--runtime", "podmn"], "hint: did you mean 'podman'?\n"),
+        (
+            ["exec", "local", "run", "--jobs", "0"],
+            "'-j' / '--jobs': must be at least 1, not '0'\nhint: run `vast exec local run --help`",
+        ),
+        (["exec", "local", "run", "--jobs", "x"], ": must be a whole number, not 'x'\n"),
+        (["evaluation", "gui", "-p", "99999"], ": must be at most 65535, not '99999'\n"),
+        (
+            ["config", "list", "-V"],
+            "error: no such option: -V\nhint: run `vast config list --help`\n",
+        ),
+        (["exec", "local", "run", "--job"], "no such option: --job\nhint: did you mean --jobs?\n"),
+        (["config", "generate"], "error: missing argument 'OUT'\nhint: run `vast config generate"),
         (["config", "generate"], "Usage: vast config generate [OPTIONS] OUT\n"),
         (["config", "export-configs"], "Usage: vast config export-configs [OPTIONS] PATTERN...\n"),
         (["exec", "cluster", "stop", "-x", "a", "--context", "b"], "'--context': is given twice"),
         (["results", "summary", "--context", "a", "--context=a"], "run the command again for each"),
         (
             ["exec", "local", "run", "a", "-o", "b"],
-            "OUT (a) and --output (b) differ. Use one of them.",
+            "OUT (a) and --output (b) differ\nhint: use one of them\n",
         ),
         (
             ["exec", "local", "run", "a", "--resume", "b"],

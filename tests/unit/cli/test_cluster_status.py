@@ -187,7 +187,7 @@ def test_of_many_campaigns_a_message_names_the_newest() -> None:
         find_campaign(known, "hall", "lab")
     assert "it has drive-2, drive-3, " in str(caught.value)
     assert "drive-11, and 2 older ones (`vast exec cluster monitor --once`)" in str(caught.value)
-    with pytest.raises(InputError, match=r"it has drive-0, drive-1\.$"):
+    with pytest.raises(InputError, match=r"it has drive-0, drive-1\. Name a"):
         find_campaign(known[:2], "hall", "lab")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import errno
 import json
 import subprocess
@@ -82,12 +83,13 @@ def fail_with(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     monkeypatch.setattr(listing, "print_configurations", broken)
 
 
-def test_a_fault_is_one_line_and_code_70(vast, sweep, monkeypatch) -> None:
+def test_a_fault_is_one_message_and_code_70(vast, sweep, monkeypatch) -> None:
     fail_with(monkeypatch, KeyError("x\ny"))
     outcome = vast("config", "list")
     assert outcome.code == 70
     assert outcome.err == (
-        "error: a bug in RoboVAST: KeyError: 'x\\ny' (`vast -l debug …` shows the traceback)\n"
+        "error: a bug in RoboVAST: KeyError: 'x\\ny'\n"
+        "hint: run `vast -l debug …` to see the traceback\n"
     )
 
 
@@ -103,20 +105,64 @@ def test_output_that_a_full_disk_does_not_take_is_one_message(sweep: Path, argum
             [sys.executable, "-m", "robovast_cli", *arguments.split()],
             stdout=full, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
-    told = "error: the disk is full. Free some space, then repeat it.\n"
+    told = "error: the disk is full\nhint: free some space, then repeat the command\n"
     assert (result.returncode, result.stderr) == (5, told)
 
 
 def test_what_the_machine_refuses_names_the_file(vast, sweep, monkeypatch) -> None:
     fail_with(monkeypatch, PermissionError(errno.EACCES, "Permission denied", "/x/y"))
     outcome = vast("config", "list")
-    assert (outcome.code, outcome.err) == (5, "error: /x/y: Permission denied.\n")
+    assert (outcome.code, outcome.err) == (5, "error: /x/y: Permission denied\n")
 
 
 def test_errors_decide_the_exit_code(vast, sweep, monkeypatch) -> None:
     fail_with(monkeypatch, StorageError("the disk is full."))
     outcome = vast("config", "list")
-    assert (outcome.code, outcome.err) == (5, "error: the disk is full.\n")
+    assert (outcome.code, outcome.err) == (5, "error: the disk is full\n")
+
+
+@pytest.mark.parametrize(
+    ("message", "hint", "printed"),
+    [
+        ("cannot write: it is a link.", "", "error: cannot write: it is a link\n"),
+        (
+            "cannot write: it is a link.",
+            "choose another folder",
+            "error: cannot write: it is a link\nhint: choose another folder\n",
+        ),
+        (
+            "it is full. Nothing was stored",
+            "free some space. `vast replay` repeats the run",
+            "error: it is full. Nothing was stored.\n"
+            "hint: free some space. `vast replay` repeats the run.\n",
+        ),
+        ("2 failed:\n    a\n    b", "use `…`", "error: 2 failed:\n    a\n    b\nhint: use `…`\n"),
+        (
+            "cannot reach https://me:pw@host",
+            "check https://me:pw@host",
+            "error: cannot reach https://host\nhint: check https://host\n",
+        ),
+    ],
+)
+def test_an_error_is_a_line_with_the_cause_and_one_with_the_remedy(
+    vast, sweep, monkeypatch, message: str, hint: str, printed: str
+) -> None:
+    fail_with(monkeypatch, StorageError(message, hint=hint))
+    assert vast("config", "list").err == printed
+
+
+@pytest.mark.parametrize(
+    ("message", "hint", "text"),
+    [
+        ("it is full", "", "it is full"),
+        ("it is full.", "free some space", "it is full. Free some space."),
+        ("it is full", "`rm x` frees some", "it is full. `rm x` frees some."),
+        ("it is full", "did you mean `a`?", "it is full. Did you mean `a`?"),
+    ],
+)
+def test_elsewhere_an_error_is_one_text(message: str, hint: str, text: str) -> None:
+    error = StorageError(message, hint=hint)
+    assert str(error) == str(copy.copy(error)) == text
 
 
 def test_an_interrupt_is_quiet(vast, sweep, monkeypatch) -> None:

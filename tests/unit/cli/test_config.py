@@ -164,8 +164,8 @@ def test_generate_overwrites_nothing(vast, sweep, tmp_path) -> None:
     outcome = vast("config", "generate", "out")
     assert (outcome.code, outcome.err) == (
         5,
-        "error: cannot generate into out: the folder is not empty. Choose a new folder, or empty "
-        "this one.\n",
+        "error: cannot generate into out: the folder is not empty\nhint: choose a new folder, or "
+        "empty this one\n",
     )
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine"]
 
@@ -186,7 +186,7 @@ def test_export_goes_to_stdout_and_overwrites_nothing(vast, sweep, tmp_path) -> 
     outcome = vast("config", "export-configs", "fixed", "-o", "drive.vast")
     assert (outcome.code, outcome.err) == (
         5,
-        "error: drive.vast: cannot be written: File exists.\n",
+        "error: drive.vast: cannot be written: File exists\n",
     )
 
 
@@ -206,7 +206,7 @@ def test_import_from_a_generated_campaign(vast, sweep, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("name", "cause"),
     [
-        ("fixed", "configurations with these names exist already: fixed. Rename them"),
+        ("fixed", "configurations with these names exist already: fixed\nhint: rename them"),
         ("sweep-2-1", "no configuration was added, because"),  # a variation creates it
     ],
 )

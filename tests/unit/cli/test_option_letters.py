@@ -59,5 +59,5 @@ def test_across_commands_each_letter_has_one_meaning() -> None:
 def test_a_run_on_this_machine_is_in_no_cluster(vast, tmp_path, option: tuple[str, str]) -> None:
     outcome = vast("replay", *option, tmp_path / "c-2026-03-05-121530" / "one" / "0")
     assert outcome.code == 2
-    assert f"Remove `{'--context' if option[0] == '-x' else '-n'}`" in outcome.err
+    assert f"hint: remove `{'--context' if option[0] == '-x' else '-n'}`" in outcome.err
     assert ("--times 3" in outcome.err) == (option == ("-n", "3"))

@@ -151,7 +151,7 @@ def test_a_plugin_that_cannot_be_loaded_says_why(
     assert outcome.code == 3
     assert outcome.err == (
         "error: the command `hello` of acme-tools 1.2 cannot be loaded from "
-        f"`acme_tools_cli:hello`: {cause}. Update or remove that distribution.\n"
+        f"`acme_tools_cli:hello`: {cause}\nhint: update or remove that distribution\n"
     )
     assert vast("config", "schema").code == 0
 
@@ -160,7 +160,8 @@ def test_what_is_no_command_is_told(vast, install: Install) -> None:
     install("robovast.cli_plugins", number="acme_tools_cli:not_a_command")
     assert vast("number").err.endswith(
         "error: the command `number` of acme-tools 1.2 names `acme_tools_cli:not_a_command`, a "
-        "int; it must be a Click command or group, or a Typer app.\n"
+        "int; it must be a Click command or group, or a Typer app\n"
+        "hint: update or remove that distribution\n"
     )
 
 

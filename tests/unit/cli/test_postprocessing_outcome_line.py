@@ -28,3 +28,5 @@ def test_tables_that_could_not_be_written_are_not_up_to_date(
         (CampaignSummary(Path("hall"), runs=6), "the campaign has no .vast file, so no commands"),
     ):
         assert f"6 runs, tables and metadata are up to date ({why})" in line(summary, capsys)
+        summary.written.append("metadata")
+        assert f"6 runs, tables and metadata are written ({why})" in line(summary, capsys)

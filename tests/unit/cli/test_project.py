@@ -68,14 +68,19 @@ def test_init_replaces_nothing_unless_forced(vast, sweep) -> None:
     before = (sweep.parent / PROJECT_FILE).read_text()
     outcome = vast("init", "drive.vast", "-r", "other")
     assert outcome.code == 2
-    assert "exists already; `--force` replaces it." in outcome.err
+    assert "exists already\nhint: use `--force` to replace it\n" in outcome.err
     assert (sweep.parent / PROJECT_FILE).read_text() == before
     assert vast("init", "drive.vast", "-r", "other", "--force").code == 0
 
 
 def test_init_wants_a_file_that_exists(vast, folder) -> None:
     outcome = vast("init", "none.vast")
-    assert (outcome.code, outcome.err) == (2, "error: none.vast: there is no such file.\n")
+    assert outcome.code == 2
+    assert outcome.err == (
+        "error: none.vast: there is no such file\n"
+        "hint: write the file as in docs/tutorials/own-robot.md, or copy an example from "
+        "configs/examples\n"
+    )
     assert not (folder / PROJECT_FILE).exists()
 
 

@@ -85,7 +85,7 @@ def test_some_campaigns_can_be_chosen(vast, results: Path) -> None:
     assert [path.name for path in (results / "out").iterdir()] == ["r2_2026-03-06-121530.zip"]
     outcome = vast("results", "publish", "-i", "nothing")
     assert (outcome.code, outcome.out) == (2, "")
-    assert f"no campaign `nothing` in results. Available: {NAME}, {OTHER}." in outcome.err
+    assert f"no campaign `nothing` in results\nhint: use one of {NAME}, {OTHER}\n" in outcome.err
 
 
 def test_one_campaign_can_be_named_by_its_folder(vast, results: Path) -> None:
@@ -280,7 +280,10 @@ def test_a_described_share_is_where_results_come_from(
     assert outcome.out == "home/far-away: already exists. `--force` downloads it again.\n"
     outcome = vast("results", "download", "-i", "other")
     assert outcome.code == 2
-    assert "Available: far-away. `--from cluster` searches the object storage." in outcome.err
+    assert (
+        "file share. Available: far-away.\nhint: use `--from cluster` to search the object"
+        in outcome.err
+    )
     assert vast("results", "download", "--from", "cluster").code == 3
     outcome = vast("results", "download", "-n", "lab")
     assert (outcome.code, "ROBOVAST_SHARE_TYPE" in outcome.err) == (3, False)

@@ -129,7 +129,7 @@ def test_bad_input_has_one_clear_message(vast, results, arguments, message) -> N
     outcome = vast("results", "compare", *arguments)
     assert (outcome.code, outcome.out) == (2, "")
     assert message in outcome.err
-    assert len(outcome.err.splitlines()) == 1
+    assert outcome.is_one_error
 
 
 def test_a_report_that_cannot_be_written_is_said(vast, results) -> None:

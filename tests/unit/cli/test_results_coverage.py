@@ -131,7 +131,7 @@ def test_drawn_values_need_buckets(tmp_path, capsys) -> None:
     code, text = said([root, "--buckets", "2"], capsys)
     assert (code, "hall: 18 of 18 combinations" in text) == (0, True)
     code, text = said([root, "--buckets", "40", "--holes", tmp_path / "h.vast"], capsys)
-    assert (code, "has random values. Increase their number" in text) == (2, True)
+    assert (code, "has random values\nhint: increase their number" in text) == (2, True)
 
 
 def test_a_campaign_without_variations_has_nothing_to_cover(tmp_path, capsys) -> None:

@@ -176,4 +176,4 @@ def test_what_cannot_be_read_is_left_out(vast, results) -> None:
 def test_bad_input_has_one_clear_message(vast, results, arguments, message) -> None:
     outcome = vast("results", "history", *arguments)
     assert (outcome.code, message in outcome.err) == (2, True)
-    assert len(outcome.err.splitlines()) == 1
+    assert outcome.is_one_error

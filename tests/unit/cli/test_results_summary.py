@@ -147,18 +147,30 @@ def test_bad_input_has_one_clear_message(vast, results, arguments, message) -> N
     assert outcome.code == 2
     assert outcome.err.startswith("error: ")
     assert message in outcome.err
-    assert len(outcome.err.splitlines()) == 1
+    assert outcome.is_one_error
 
 
 def test_several_campaigns_must_be_named_and_one_without_runs_says_nothing(vast, results) -> None:
     write_campaign(results, "other-2026-03-05-132444", variants=[])
     for words in ([results], []):
         outcome = vast("results", "summary", *words)
-        told = f"contains 2 campaigns ({NAME}, other-2026-03-05-132444). Name one of them."
+        told = f"contains 2 campaigns ({NAME}, other-2026-03-05-132444)\nhint: name one of them"
         assert (outcome.code, told in outcome.err) == (2, True)
     empty = vast("results", "summary", "other-2026-03-05-132444")
     assert empty.code == 2
     assert "other-2026-03-05-132444 has no stored runs" in empty.err
+
+
+def test_without_any_campaign_the_way_to_the_first_one_is_named(
+    vast, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outcome = vast("results", "summary")
+    assert outcome.code == 2
+    assert outcome.err == (
+        "error: there are no campaigns yet: the results folder results does not exist\n"
+        "hint: run `vast exec local run`, or name another results folder with `-r`\n"
+    )
 
 
 def test_a_long_reason_is_cut_where_one_sees_it_and_one_configuration_is_no_plural(

@@ -67,7 +67,10 @@ def import_entries(target: Path, source: Path) -> None:
     _refuse_known(document, given)
     entries = [entry for entry in given if _is_usable(document, entry, source)]
     if not entries:
-        raise InputError(f"{source}: no configuration can be used in {target}.")
+        raise InputError(
+            f"{source}: no configuration can be used in {target}.",
+            hint="use an entry with parameters that exist in both files",
+        )
     text = append_entries(read_content(target).decode(), entries, target)
     _refuse_created(check_source(Source(target, text)), source)
     with writing(target):
@@ -83,8 +86,8 @@ def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
     there = [name for name in names if name in known]
     if there:
         raise InputError(
-            f"{document.path}: configurations with these names exist already: "
-            f"{', '.join(there)}. Rename them in one of the files."
+            f"{document.path}: configurations with these names exist already: {', '.join(there)}",
+            hint="rename them in one of the files",
         )
 
 
@@ -94,7 +97,8 @@ def _refuse_created(document: Document, source: Path) -> None:
         with expanded(document):
             pass
     except InputError as error:
-        raise InputError(f"{source}: no configuration was added, because {error}") from None
+        message = f"{source}: no configuration was added, because {error.message}"
+        raise InputError(message, hint=error.hint) from None
 
 
 def _is_usable(document: Document, entry: Any, source: Path) -> bool:
@@ -134,8 +138,8 @@ def _refuse_brackets(node: yaml.Node | None, file: Path) -> None:
     if isinstance(node, yaml.CollectionNode) and node.flow_style:
         mark = node.start_mark
         raise InputError(
-            f"{file}:{mark.line + 1}:{mark.column + 1}: YAML in brackets cannot be extended. "
-            "Write `configuration:` with one `- name: …` per line."
+            f"{file}:{mark.line + 1}:{mark.column + 1}: YAML in brackets cannot be extended",
+            hint="write `configuration:` with one `- name: …` per line",
         )
 
 
@@ -180,7 +184,10 @@ def _read_entries(source: Path, scenario: Scenario) -> list[Any]:
     data = read.data
     entries = data.get("configuration") if isinstance(data, dict) else None
     if not isinstance(entries, list) or not entries:
-        raise InputError(f"{source}: no `configuration` list to import.")
+        raise InputError(
+            f"{source}: no `configuration` list to import.",
+            hint="name a .vast file with configurations",
+        )
     return entries
 
 
@@ -189,7 +196,8 @@ def _entry(variant: Variant) -> dict[str, Any]:
         names = ", ".join(file.name for file in variant.files)
         raise InputError(
             f"cannot export `{variant.name}` with fixed parameters: its variations create files "
-            f"({names}). Exclude the configuration, or keep its variations."
+            f"({names})",
+            hint="exclude the configuration, or keep its variations",
         )
     parameters = [
         {name: value} for name, value in variant.parameters.items() if not name.startswith("_")

@@ -37,8 +37,8 @@ def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool)
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
             raise StorageError(
-                f"cannot generate into {out}: the folder is not empty. Choose a new folder, or "
-                "empty this one."
+                f"cannot generate into {out}: the folder is not empty",
+                hint="choose a new folder, or empty this one",
             )
         with _work_folder(out, keep_work) as work, _cache(use_cache):
             with working(f"Expanding {document.source.file.name}") as tell:

@@ -42,8 +42,8 @@ def write_pictures(document: Document, selection: Selection, out: Path, kind: Fo
         ]
         if not mapped:
             raise InputError(
-                f"{document.path}: no configuration has a map to draw. Use a floor plan, path or "
-                "obstacle variation."
+                f"{document.path}: no configuration has a map to draw",
+                hint="use a floor plan, path or obstacle variation",
             )
         refuse_obstacle(out)
         with writing(out):

@@ -110,7 +110,9 @@ def gui(
     serve = serving()
     if bucket is not None:
         if results_dir is not None:
-            raise InputError("`-r` (a folder) and `--bucket` exclude each other. Use one of them.")
+            raise InputError(
+                "`-r` (a folder) and `--bucket` exclude each other", hint="use one of them"
+            )
         _show_bucket(serve, bucket, context, namespace, port, no_browser)
         return ExitCode.OK
     from robovast.evaluation.library import Library

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from robovast_cli.lazy import examples, new_app
+from robovast_cli.ui.usage import UsageError
 
 app = new_app("Run campaigns on this machine.")
 
@@ -189,14 +190,12 @@ def run(
         return open_shell(ctx.obj.document(), options)
     if resume is not None:
         if out or output:
-            raise typer.BadParameter(
-                "`--resume` stores results in the campaign. Remove OUT and `--output`.", ctx
-            )
+            message = "`--resume` stores results in the campaign"
+            raise UsageError(message, ctx, hint="remove OUT and `--output`")
         return campaign.resume(resume, options)
     if out and output and out != output:
-        raise typer.BadParameter(
-            f"OUT ({out}) and --output ({output}) differ. Use one of them.", ctx
-        )
+        message = f"OUT ({out}) and --output ({output}) differ"
+        raise UsageError(message, ctx, hint="use one of them")
     document = ctx.obj.document()
     if out and not (output or config):
         options = campaign.meant(document, out, options)

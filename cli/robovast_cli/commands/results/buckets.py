@@ -116,7 +116,10 @@ def _by_name(store: ObjectStore, names: Sequence[str], scratch: Path) -> list[In
     for name in names:
         place = find_bucket(store, name)
         if place is None:
-            raise InputError(f"{store.endpoint} has no bucket of a campaign `{name}`.")
+            raise InputError(
+                f"{store.endpoint} has no bucket of a campaign `{name}`.",
+                hint="check the name, and the address of the object storage",
+            )
         bucket, owner = place
         campaign = owner.campaign if owner is not None else bucket
         found.append(InBucket(store, bucket, campaign, scratch / bucket))

@@ -75,7 +75,8 @@ def compare(
 
     if not 0 <= margin < 1:
         raise InputError(
-            f"--margin {margin:g}: the rate must be at least 0 and below 1, such as 0.05."
+            f"--margin {margin:g}: the rate must be at least 0 and below 1",
+            hint="use for example `--margin 0.05`",
         )
     results = results_dir or ctx.obj.results
     place = named_campaign(results, base)
@@ -88,7 +89,8 @@ def compare(
         if not one.overall.a.runs or not one.overall.b.runs:
             raise InputError(
                 f"cannot compare {before.name} and {after.name}: no configuration has equal "
-                "parameters and runs with a verdict in both campaigns."
+                "parameters and runs with a verdict in both campaigns.",
+                hint="compare campaigns of the same .vast file",
             )
         found.append((after.name, one))
     reports = ((junit, junit_of_all), (markdown, markdown_of_all))

@@ -85,8 +85,9 @@ def download(
         if cluster_is_meant:
             raise
         raise CannotRunError(
-            f"{error} To download from a file share, set ROBOVAST_SHARE_TYPE in the environment or "
-            "in a `.env` file."
+            error.message,
+            hint=f"{error.hint}. To download from a file share, set ROBOVAST_SHARE_TYPE in the "
+            "environment or in a `.env` file".removeprefix(". "),
         ) from error
 
 

@@ -17,7 +17,7 @@ from robovast_cli.kube.status import CampaignState, find_campaign, lookup
 from robovast_cli.kube.store import StorePlace, installed_place, open_store, place_of
 from robovast_cli.ui.bars import Bars
 from robovast_cli.ui.output import say
-from robovast_cli.ui.report import tell
+from robovast_cli.ui.report import message_of, tell
 from robovast_cli.workspace import shown
 
 MOST_TOLD = 20
@@ -62,7 +62,10 @@ def download_campaigns(
             results.name for results in chosen if not _try(kube, results, output, force=force)
         ]
     if failed:
-        raise StorageError(f"incomplete download: {', '.join(failed)}.")
+        raise StorageError(
+            f"incomplete download: {', '.join(failed)}.",
+            hint="run the command again to download the rest",
+        )
 
 
 def download_run(context: str | None, namespace: str | None, run: str, output: Path) -> Path:
@@ -85,8 +88,9 @@ def _all(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
     stored = [campaign for campaign in known if campaign.bucket]
     if not stored:
         raise InputError(
-            f"no campaign in the namespace {kube.namespace} has results. Set the namespace with "
-            "`--namespace`. `--campaign` also finds results of deleted Campaigns."
+            f"no campaign in the namespace {kube.namespace} has results",
+            hint="set the namespace with `--namespace`, or name a deleted Campaign with "
+            "`--campaign`",
         )
     return [results_of(campaign) for campaign in stored]
 
@@ -125,7 +129,7 @@ def _try(kube: Kubernetes, results: Results, output: Path, *, force: bool) -> bo
     try:
         download_results(kube, results, output, force=force)
     except StorageError as error:
-        tell(f"error: {error}")
+        tell(message_of(error))
         return False
     return True
 

@@ -42,7 +42,10 @@ def junit(
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     suites = merged_suites(Layout(folder))
     if not suites:
-        raise InputError(f"{folder.name} has no stored runs, so there is nothing to report.")
+        raise InputError(
+            f"{folder.name} has no stored runs, so there is nothing to report.",
+            hint="wait until a run has finished",
+        )
     write_report(file, report_text(folder.name, suites))
     cases = [case for suite in suites for case in suite.cases]
     bad = sum(case.outcome in {"failure", "error"} for case in cases)

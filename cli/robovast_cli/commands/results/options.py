@@ -75,28 +75,41 @@ def chosen_campaigns(results: Path, names: list[str] | None) -> list[Path]:
     found = {path.absolute().name: path for path in find_campaigns(results)}
     unknown = [name for name in names or [] if name not in found]
     if unknown:
-        raise InputError(f"no campaign `{unknown[0]}` in {results}. Available: {', '.join(found)}.")
+        raise InputError(
+            f"no campaign `{unknown[0]}` in {results}", hint=f"use one of {', '.join(found)}"
+        )
     return [found[name] for name in dict.fromkeys(names)] if names else list(found.values())
 
 
-def named_campaign(results: Path, name: str) -> Path:
+def named_campaign(results: Path, name: str | None) -> Path:
     """Folder of one campaign, by its path or by its name in a results folder; without links.
+
+    Without a name, it is the only campaign of the results folder.
 
     Raises:
         InputError: there is none, or the folder holds several.
     """
     from robovast.campaign.finding import find_campaigns
 
+    if name is None:
+        if not os.path.lexists(results):
+            raise InputError(
+                f"there are no campaigns yet: the results folder {results} does not exist",
+                hint="run `vast exec local run`, or name another results folder with `-r`",
+            )
+        name = str(results)
     candidates = [path for path in (Path(name), results / name) if os.path.isdir(path)]
     if not candidates:
         raise InputError(
-            f"no campaign `{name}`: neither this folder nor {results}/{name} exists. Name the "
-            "folder of a campaign, or set the results folder with `-r`."
+            f"no campaign `{name}`: neither this folder nor {results}/{name} exists",
+            hint="name the folder of a campaign, or set the results folder with `-r`",
         )
     found = find_campaigns(candidates[0])
     if len(found) > 1:
         names = ("… " if len(found) > 5 else "") + ", ".join(path.name for path in found[-5:])
-        raise InputError(f"{name} contains {len(found)} campaigns ({names}). Name one of them.")
+        raise InputError(
+            f"{name} contains {len(found)} campaigns ({names})", hint="name one of them"
+        )
     return found[0].resolve()
 
 
@@ -117,5 +130,5 @@ def read_campaign(folder: Path) -> CampaignIndex:
     index = CampaignIndex(folder.parent, folder.name)
     index.refresh()
     if not any(variant.runs for variant in index.variants):
-        raise InputError(f"{folder.name} has no stored runs. Wait until a run has finished.")
+        raise InputError(f"{folder.name} has no stored runs", hint="wait until a run has finished")
     return index

@@ -100,9 +100,11 @@ def _outcome(summary: CampaignSummary) -> str:
         text = runs
     elif not summary.commands:
         why = "the .vast file has" if summary.document else "the campaign has no .vast file, so"
-        text = f"{runs}, tables and metadata are up to date ({why} no commands)"
+        done = "written" if summary.written else "up to date"
+        text = f"{runs}, tables and metadata are {done} ({why} no commands)"
     elif not summary.worked:
-        text = f"{runs}, nothing changed"
+        changed = ", ".join(summary.written)
+        text = f"{runs}, {f'{changed} written' if changed else 'nothing changed'}"
     else:
         text = f"{runs}, {len(summary.worked)} processed"
     return text + (f", {len(summary.failures)} failed" if summary.failures else "")

@@ -66,7 +66,7 @@ def report(
     for file in files:
         if file.suffix.lower() not in forms:
             raise InputError(
-                f"{file}: a report is HTML or Markdown. Use a name that ends in .html or .md."
+                f"{file}: a report is HTML or Markdown", hint="use a name that ends in .html or .md"
             )
     results = results_dir or ctx.obj.results
     with working("Writing the report") as tell:

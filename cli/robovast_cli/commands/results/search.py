@@ -83,9 +83,15 @@ def search(
     from robovast_cli.ui.working import working
 
     if picture is not None and what not in {"map", "progress"}:
-        raise InputError(f"--picture requires `map` or `progress`, not `{what}`.")
+        raise InputError(
+            f"--picture requires `map` or `progress`, not `{what}`.",
+            hint="use `vast results search map --picture FILE`",
+        )
     if over and not (picture and what == "map"):
-        raise InputError("--over requires `map` with --picture.")
+        raise InputError(
+            "--over requires `map` with --picture.",
+            hint="use `vast results search map --picture FILE`",
+        )
     if at and what != "critical" and not (picture and what == "map"):
         raise InputError(f"--at requires `critical`, or `map` with --picture, not `{what}`.")
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
@@ -135,9 +141,11 @@ def _pair(text: str, space: Space) -> tuple[str, Any]:
 
     name, separator, value = text.partition("=")
     if not separator:
-        raise InputError(f"--at {text}: must be `NAME=VALUE`.")
+        raise InputError(
+            f"--at {text}: must be `NAME=VALUE`.", hint="use for example `--at speed=0.5`"
+        )
     listed = (choices(space[name]) or []) if name in space else []
     try:
         return name, next((one for one in listed if str(one) == value), parse_yaml(value))
     except ValueError:
-        raise InputError(f"--at {text}: the value is not valid.") from None
+        raise InputError(f"--at {text}: the value is not valid YAML") from None

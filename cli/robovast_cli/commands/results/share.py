@@ -49,7 +49,8 @@ def list_share(
         campaigns = share.chosen(campaign or [])
     if campaign and not campaigns:
         raise InputError(
-            "no campaign on the file share has this name. `vast results list-share` lists all."
+            "no campaign on the file share has this name",
+            hint="run `vast results list-share` to list all",
         )
     rows = [
         [item.name, fmt_size(item.size), "yes" if os.path.isdir(results / item.name) else "no"]

@@ -28,7 +28,9 @@ def download_shared(names: Sequence[str], output: Path, *, force: bool, keep_arc
                 share, names, output, force=force, keep_archive=keep_archive, progress=progress
             )
         except NotOnShareError as error:
-            raise InputError(f"{error} `--from cluster` searches the object storage.") from error
+            raise InputError(
+                f"{error.message}", hint="use `--from cluster` to search the object storage"
+            ) from error
     for folder in fetched:
         say(f"{shown(folder)}: downloaded from the file share.")
         if warning := warn_of_executables(folder):

@@ -61,8 +61,9 @@ def sparql(
         folders = [one.bring(GRAPH) for one in found]
         if not any(os.path.isfile(folder / GRAPH) for folder in folders):
             raise InputError(
-                f"no graph is stored for {', '.join(bucket)}. The cluster writes it with "
-                "`spec.processResults: true` in the Campaign. To write it on this machine, run "
-                "`vast results download`, then `vast results postprocess`."
+                f"no graph is stored for {', '.join(bucket)}",
+                hint="set `spec.processResults: true` in the Campaign, so that the cluster "
+                "writes the graph. To write it on this machine, run `vast results "
+                "download`, then `vast results postprocess`",
             )
         print_answer(query, folders, output)

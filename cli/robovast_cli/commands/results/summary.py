@@ -74,16 +74,20 @@ def summary(
     from robovast_cli.workspace import shown
 
     if not 0 < limit < 1:
-        raise InputError(f"--limit {limit:g}: the rate must be above 0 and below 1, such as 0.1.")
+        raise InputError(
+            f"--limit {limit:g}: the rate must be above 0 and below 1",
+            hint="use for example `--limit 0.1`",
+        )
     if campaign is not None and bucket is not None:
         raise InputError(
-            "use either CAMPAIGN (a local folder) or `--bucket NAME` (object storage)."
+            "CAMPAIGN (a local folder) and `--bucket NAME` (object storage) exclude each other",
+            hint="use one of them",
         )
     if bucket is not None:
         folder, (found, variants) = None, _in_bucket(bucket, context, namespace)
     else:
         results = results_dir or ctx.obj.results
-        index = read_campaign(named_campaign(results, campaign or str(results)))
+        index = read_campaign(named_campaign(results, campaign))
         folder, found, variants = shown(index.results), index.summary(), index.variants
     findings = Findings(
         folder,

@@ -57,6 +57,8 @@ class CampaignSummary:
     document: Path | None = None
     """The .vast file with the commands, if there is one."""
     runs: int = 0
+    written: list[str] = field(default_factory=list)
+    """Names of the results of the whole campaign that were written, such as tables and metadata."""
     worked: set[str] = field(default_factory=set)
     """Number of runs that were processed."""
     commands: int = 0

@@ -68,6 +68,7 @@ def finish(
                 path.unlink(missing_ok=True)
         if _succeeded(part, observer, summary):
             state.set_note(part.name, now)
+            summary.written.append(part.name)
         observer.step_advanced()
 
 

@@ -30,7 +30,10 @@ def chart_folder() -> Path:
     for folder in (_PACKAGE / "chart", _PACKAGE.parents[1] / "helm" / "robovast"):
         if (folder / "Chart.yaml").is_file():
             return folder
-    raise CannotRunError("the Helm chart is missing from this installation of RoboVAST.")
+    raise CannotRunError(
+        "the Helm chart is missing from this installation of RoboVAST.",
+        hint="install RoboVAST again",
+    )
 
 
 class Helm:
@@ -76,8 +79,9 @@ class Helm:
             result = subprocess.run(command, capture_output=True, text=True, check=False)
         except FileNotFoundError:
             raise CannotRunError(
-                "`helm` is not installed. Install it (https://helm.sh/docs/intro/install/), or use "
-                "`vast exec cluster prepare-setup` to write the files for Helm on another machine."
+                "`helm` is not installed",
+                hint="install it (https://helm.sh/docs/intro/install/), or use `vast exec "
+                "cluster prepare-setup` to write the files for Helm on another machine",
             ) from None
         if check and result.returncode:
             raise CannotRunError(f"`helm {arguments[0]}` failed: {result.stderr.strip()}")

@@ -55,8 +55,8 @@ def _refuse_fewer(campaign: CampaignState, batches: int) -> None:
     done = search.batch if search is not None else 0
     if batches <= done:
         raise InputError(
-            f"{campaign.name} has {done} batches already. `--batches` is the total number and must "
-            f"be greater than {done}."
+            f"{campaign.name} has {done} batches already, and `--batches` is the total number",
+            hint=f"use a number greater than {done}",
         )
 
 
@@ -90,7 +90,10 @@ def download_cleanup(
         chosen = [find_campaign(known, name, kube.namespace)] if name else known
         doomed = [campaign for campaign in chosen if campaign.finished and campaign.bucket]
         if name and not doomed:
-            raise InputError(f"{name} is not finished, or has no results in the object storage.")
+            raise InputError(
+                f"{name} is not finished, or has no results in the object storage.",
+                hint="run `vast exec cluster monitor` to see its progress",
+            )
         for campaign in doomed:
             say(f"{campaign.name}: bucket {campaign.bucket}")
         if doomed and ask:
@@ -114,7 +117,8 @@ def _one(
         campaign = find_campaign(known, name, kube.namespace)
         if not fits(campaign):
             raise InputError(
-                f"{name} is not a campaign {what}; its state is {campaign.status.state}."
+                f"{name} is not a campaign {what}; its state is {campaign.status.state}.",
+                hint=f"run `kubectl get campaigns --namespace {kube.namespace}` to see all states",
             )
         return campaign
     found = [campaign for campaign in known if fits(campaign)]
@@ -122,5 +126,6 @@ def _one(
         return found[0]
     names = ", ".join(campaign.name for campaign in found) or "none"
     raise InputError(
-        f"select a campaign {what} with `--campaign`; the namespace {kube.namespace} has {names}."
+        f"which campaign {what} is meant is not clear: the namespace {kube.namespace} has {names}",
+        hint="select one with `--campaign`",
     )

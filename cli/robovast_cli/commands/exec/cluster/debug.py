@@ -29,13 +29,16 @@ def debug(context: str | None, namespace: str | None, words: Sequence[str]) -> N
         runs.check_accepted()
         campaign, planned = runs.campaign, runs.planned
         if campaign is None or planned is None:
-            raise CannotRunError("the Campaign has no runs yet, or was deleted.")
+            raise CannotRunError(
+                "the Campaign has no runs yet, or was deleted.",
+                hint="wait until a run has started, then run the command again",
+            )
         id_ = planned.id_of(run)
         jobs = kube.jobs({UID_LABEL: campaign.uid, ROLE_LABEL: SHARD_ROLE})
         if not jobs:
             raise CannotRunError(
-                f"cannot create a pod for {run}: no Job of {campaign.name} is left. `vast replay` "
-                "runs a downloaded run again on this machine."
+                f"cannot create a pod for {run}: no Job of {campaign.name} is left",
+                hint="use `vast replay` to run a downloaded run again on this machine",
             )
         pod = kube.create_pod(debug_pod(campaign.resource, jobs[-1], id_))["metadata"]["name"]
         kubectl = "kubectl" + (f" --context {kube.context}" if kube.context else "")

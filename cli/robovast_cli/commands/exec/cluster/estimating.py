@@ -57,7 +57,10 @@ def print_estimate(
 
 def _runs_of(document: Document, options: SubmitOptions) -> int:
     if document.vast.search is not None:
-        raise InputError("cannot estimate a search: its number of runs is unknown.")
+        raise InputError(
+            "cannot estimate a search: its number of runs is unknown.",
+            hint="estimate a campaign with a fixed number of runs",
+        )
     with TemporaryDirectory() as folder:
         variants = select_any(compose(document, Path(folder)).variants, options.select)
     return len(list(variants)) * (options.runs or document.vast.execution.most_runs)

@@ -63,7 +63,8 @@ def logs(
     if failed:
         if how.follow or len(words) > 1:
             raise InputError(
-                "`--failed` accepts at most a campaign, and cannot be combined with `--follow`."
+                "`--failed` accepts at most a campaign, and cannot be combined with `--follow`.",
+                hint="remove the run or `--follow`",
             )
         with opened_runs(context, namespace, next(iter(words), None)) as (kube, runs):
             for run in runs.bad():
@@ -82,8 +83,9 @@ def campaign_and_run(words: Sequence[str]) -> tuple[str | None, str]:
     """
     if len(words) not in (1, 2):
         raise InputError(
-            "name a run, for example `hall-1/0`. If the namespace has several campaigns, name the "
-            "campaign before the run."
+            "no run is named",
+            hint="name a run, for example `hall-1/0`. If the namespace has several campaigns, "
+            "name the campaign before the run",
         )
     return (words[0] if len(words) == 2 else None), words[-1]
 
@@ -114,7 +116,10 @@ def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
         if len(found) == 1:
             return found[0]
     names = some_names(known)
-    raise InputError(f"name a campaign before the run; the namespace {kube.namespace} has {names}.")
+    raise InputError(
+        f"no campaign is named: the namespace {kube.namespace} has {names}",
+        hint="name a campaign before the run",
+    )
 
 
 class RunLog:
@@ -210,7 +215,10 @@ class RunLog:
             return waiting_reason(executor.pod)
         self._runs.check_accepted()
         if campaign is None or (campaign.finished and not campaign.rejected):
-            raise InputError(f"`{self._run}` is not among the stored runs of the campaign.")
+            raise InputError(
+                f"`{self._run}` is not among the stored runs of the campaign.",
+                hint="name a run as `<configuration>/<number>`, for example `hall-1/0`",
+            )
         if campaign.suspended:
             return (
                 f"the campaign is stopped; resume it: vast exec cluster resume -i {campaign.name}"

@@ -42,7 +42,8 @@ def receivers(environment: Mapping[str, str]) -> dict[str, str]:
     if topic:
         server = environment.get(SERVER, "") or PUBLIC_SERVER
         if not _TOPIC.fullmatch(topic):
-            raise InputError(f"{TOPIC}: a topic is 1 to 64 letters, digits, `-` and `_`.")
+            hint = "use 1 to 64 letters, digits, `-` and `_`"
+            raise InputError(f"{TOPIC}: this is not a valid name of a topic", hint=hint)
         _check_url(SERVER, server)
         found[_NTFY_URL] = f"{server.rstrip('/')}/{topic}"
         if token:
@@ -91,4 +92,6 @@ def _check_url(variable: str, url: str) -> None:
     except ValueError:
         usable = False
     if not usable or not (url.isascii() and url.isprintable()):
-        raise InputError(f"{variable} must be an http:// or https:// URL.")
+        raise InputError(
+            f"{variable} is not a valid URL", hint="use a URL with http:// or https://"
+        )

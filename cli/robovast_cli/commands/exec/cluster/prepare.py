@@ -49,7 +49,9 @@ def prepare_run(
     refuse_obstacle(output)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / FILE).is_file():
-            raise StorageError(f"{output} contains other files. Choose a new or empty folder.")
+            raise StorageError(
+                f"{output} contains other files", hint="choose a new or empty folder"
+            )
         output.mkdir(parents=True, exist_ok=True)
         (output / FILE).write_text(dump_any(submission.campaign), encoding="utf-8")
         if submission.archive:

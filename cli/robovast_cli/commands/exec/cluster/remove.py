@@ -75,8 +75,9 @@ def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bo
 
     if not wait_until(is_gone, PATIENCE, PAUSE):
         raise CannotRunError(
-            f"{campaign.name}: is marked for deletion, but still exists. Check `kubectl describe "
-            f"campaign {campaign.name}` and `kubectl get pods`, then run the command again."
+            f"{campaign.name}: is marked for deletion, but still exists",
+            hint=f"check `kubectl describe campaign {campaign.name}` and `kubectl get pods`, "
+            "then run the command again",
         )
 
 

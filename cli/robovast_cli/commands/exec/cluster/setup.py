@@ -76,7 +76,10 @@ def cleanup(context: str | None, namespace: str | None, *, force: bool) -> None:
         helm = Helm(kube.namespace, kube.context)
         description = helm.installed()
         if description is None:
-            raise CannotRunError(f"RoboVAST is not installed in the namespace {kube.namespace}.")
+            raise CannotRunError(
+                f"RoboVAST is not installed in the namespace {kube.namespace}.",
+                hint="use `--namespace` to select another namespace",
+            )
         _refuse_running(kube, force=force)
         helm.uninstall()
         if description.startswith(_BY):
@@ -104,7 +107,9 @@ def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: st
     values = _external_secret(config) | _kueue(config, is_there=False, context=None)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / "values.yaml").is_file():
-            raise StorageError(f"{output} contains other files. Choose a new or empty folder.")
+            raise StorageError(
+                f"{output} contains other files", hint="choose a new or empty folder"
+            )
         output.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(output / RELEASE, ignore_errors=True)
         shutil.copytree(chart_folder(), output / RELEASE)
@@ -128,7 +133,10 @@ def _config(
 def _pair(option: str) -> tuple[str, str]:
     key, separator, value = option.partition("=")
     if not separator or not key:
-        raise InputError(f"`--option {option}` is not of the form KEY=VALUE.")
+        raise InputError(
+            f"`--option {option}` is not of the form KEY=VALUE.",
+            hint="use for example `--option operator.replicas=2`",
+        )
     return key, value
 
 
@@ -149,9 +157,9 @@ def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
     before = (description or "").removeprefix(_BY)
     if description and description.startswith(_BY) and before != name and not force:
         raise CannotRunError(
-            f"RoboVAST is installed in this cluster with the cluster configuration `{before}`. "
-            f"`--force` installs `{name}` instead, but results in the current storage are then "
-            "not accessible."
+            f"RoboVAST is installed in this cluster with the cluster configuration `{before}`",
+            hint=f"use `--force` to install `{name}` instead; results in the current storage are "
+            "then not accessible",
         )
 
 
@@ -163,8 +171,8 @@ def _refuse_running(kube: Kubernetes, *, force: bool) -> None:
     running = [campaign.name for campaign in campaigns if not campaign.finished]
     if running and not force:
         raise CannotRunError(
-            f"campaigns are not finished: {', '.join(running)}. Wait for them, or use `--force`. "
-            "They continue when RoboVAST is installed again."
+            f"campaigns are not finished: {', '.join(running)}",
+            hint="wait for them, or use `--force`. They continue when RoboVAST is installed again",
         )
 
 
@@ -177,9 +185,9 @@ def _values(config: BaseConfig, kube: Kubernetes) -> dict[str, Any]:
         storage["credentials"] = {"accessKey": access, "secretKey": secret}
     if not config.uses_embedded_s3() and "credentials" not in storage:
         raise InputError(
-            f"the S3 server {config.get_s3_endpoint()} needs credentials. Set "
-            "$ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_SECRET_KEY, or name a Secret with "
-            "`-o s3_secret=NAME`."
+            f"the S3 server {config.get_s3_endpoint()} needs credentials",
+            hint="set $ROBOVAST_S3_ACCESS_KEY and $ROBOVAST_S3_SECRET_KEY, or name a Secret "
+            "with `-o s3_secret=NAME`",
         )
     return values | _kueue(
         config, is_there=kube.version_of(KUEUE) is not None, context=kube.context

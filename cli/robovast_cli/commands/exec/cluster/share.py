@@ -127,8 +127,8 @@ def _chosen(
         campaign = lookup(known, name)
         if campaign is not None and not campaign.finished:
             raise InputError(
-                f"{name} is not finished; its state is {campaign.status.state}. `vast exec cluster "
-                "monitor` shows its progress."
+                f"{name} is not finished; its state is {campaign.status.state}",
+                hint="run `vast exec cluster monitor` to see its progress",
             )
     if names:
         return [named_results(kube, known, name) for name in dict.fromkeys(names)]
@@ -138,9 +138,9 @@ def _chosen(
             say(f"{campaign.name}: skipped, because it is not finished.")
     if not stored:
         raise InputError(
-            f"no campaign in the namespace {kube.namespace} is finished and has results. "
-            "`--namespace` selects another namespace; `--campaign` also finds results of deleted "
-            "Campaigns."
+            f"no campaign in the namespace {kube.namespace} is finished and has results",
+            hint="select another namespace with `--namespace`, or name a deleted Campaign with "
+            "`--campaign`",
         )
     return [results_of(campaign) for campaign in stored]
 
@@ -158,6 +158,7 @@ def _agent_image(kube: Kubernetes) -> str:
     if image is None:
         raise CannotRunError(
             "cannot determine the agent image of this cluster: no Job of a campaign is left in "
-            f"the namespace {kube.namespace}. Set it with `--image`."
+            f"the namespace {kube.namespace}",
+            hint="set it with `--image`",
         )
     return image

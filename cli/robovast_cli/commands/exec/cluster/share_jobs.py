@@ -70,7 +70,10 @@ def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None
         with suppress(UnreachableError):
             found = kube.job(job)
             if found is None:
-                raise CannotRunError(f"{campaign}: the Job {job} was deleted during the upload.")
+                raise CannotRunError(
+                    f"{campaign}: the Job {job} was deleted during the upload.",
+                    hint="run the command again",
+                )
             pods = kube.pods({JOB_LABEL: job})
             line = _news(kube, pods[-1]) if pods else ""
             if line and line != shown:
@@ -149,6 +152,7 @@ def _remove(kube: Kubernetes, name: str) -> None:
     kube.delete_job(name)
     if not wait_until(lambda: kube.job(name) is None, PATIENCE, INTERVAL):
         raise CannotRunError(
-            f"an earlier Job {name} is marked for deletion, but still exists. Check `kubectl "
-            f"--namespace {kube.namespace} describe job {name}`, then run the command again."
+            f"an earlier Job {name} is marked for deletion, but still exists",
+            hint=f"check `kubectl --namespace {kube.namespace} describe job {name}`, then run "
+            "the command again",
         )

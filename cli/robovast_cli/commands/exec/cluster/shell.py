@@ -33,18 +33,23 @@ def shell(
     """
     campaign, run = campaign_and_run(words)
     if shutil.which("kubectl") is None:
-        raise CannotRunError("`kubectl`, which opens the shell, is not installed.")
+        raise CannotRunError(
+            "`kubectl`, which opens the shell, is not installed.", hint="install `kubectl`"
+        )
     container = secondary or RUN
     with opened_runs(context, namespace, campaign) as (kube, runs):
         executor = runs.executor(run)
         if executor is None:
             logs = " ".join(["vast exec cluster logs", *words]) + kube.given
             raise CannotRunError(
-                f"{run} is not running. `{logs}` prints its log, or why it is pending."
+                f"{run} is not running", hint=f"run `{logs}` to see its log, or why it is pending"
             )
         check_container(executor.pod, container)
         if not has_begun(executor.pod, container):
-            raise CannotRunError(f"{run} is not running yet: {waiting_reason(executor.pod)}.")
+            raise CannotRunError(
+                f"{run} is not running yet: {waiting_reason(executor.pod)}.",
+                hint="wait, then run the command again",
+            )
         where = ["--context", kube.context] if kube.context else []
         where += ["--namespace", kube.namespace]
     terminal = "--stdin --tty" if sys.stdin.isatty() and sys.stdout.isatty() else "--stdin"
