@@ -1,6 +1,6 @@
 // All campaigns of the results folder.
 import { useState } from "preact/hooks";
-import { address, VERDICTS, type Campaigns, type Summary } from "./api";
+import { address, VERDICTS, type Campaigns, type CampaignSummary } from "./api";
 import { duration, moment } from "./format";
 import { useAnswer, type Versions } from "./live";
 import { Export, passRate, Prose, State, VerdictBar, Waiting } from "./parts";
@@ -99,8 +99,8 @@ export function CampaignsPage({ query }: { query: URLSearchParams }) {
   );
 }
 
-function exported(shown: [string, Summary | null][]): unknown[][] {
-  const line = ([name, summary]: [string, Summary | null]) => [
+function exported(shown: [string, CampaignSummary | null][]): unknown[][] {
+  const line = ([name, summary]: [string, CampaignSummary | null]) => [
     name,
     summary?.state,
     summary?.planned,
@@ -113,7 +113,7 @@ function exported(shown: [string, Summary | null][]): unknown[][] {
 
 interface RowProps {
   name: string;
-  summary: Summary | null;
+  summary: CampaignSummary | null;
   fault: string | undefined;
   chosen: boolean;
   onToggle: () => void;

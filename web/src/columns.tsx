@@ -106,11 +106,17 @@ function columnsOf(data: Columns, names: string[], measure: Shown | null): Choos
     { ...column("duration", COMMON.duration, (run) => duration(data.runs.duration[run])), kind: "number" },
     ...(measure ? [measured(measure)] : []),
     column("started", COMMON.started, (run) => moment(data.runs.started[run])),
+    ...Object.entries(data.runs.texts).map(([name, { title }]) => further(data, `t:${name}`, title)),
   ];
 }
 
 function column(id: string, label: string, cell: Column["cell"]): Choosable {
   return { id, label, cell, group: GROUPS.run, usual: true };
+}
+
+/** A column that is shown when it is chosen. */
+function further(data: Columns, id: string, title: string): Choosable {
+  return { ...column(id, title, (run) => show(valueOf(data, run, id))), usual: false };
 }
 
 function parameter(data: Columns, name: string, group: string, usual: boolean): Choosable {

@@ -27,6 +27,7 @@ export function campaign(values: Record<string, unknown[]>, verdicts: string[]):
       reason: verdicts.map((verdict) => Number(verdict === "failed")),
       started: verdicts.map((_, run) => run),
       duration: verdicts.map((_, run) => (run === 1 ? null : 10 - run)),
+      texts: { host: { title: "Host", texts: ["one", "two"], text: verdicts.map((_, run) => run % 2) } },
     },
   };
 }

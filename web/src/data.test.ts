@@ -17,6 +17,11 @@ describe("filter", () => {
     expect(found("errored")).toEqual([3]);
   });
 
+  it("knows the further columns of a run", () => {
+    expect(sorted(data, all(data), "t:host")).toEqual([0, 2, 1, 3]);
+    expect(sorted(data, all(data), "-t:host")).toEqual([1, 3, 0, 2]);
+  });
+
   it("compares numbers as numbers, and asks for all conditions", () => {
     expect(found("speed>1")).toEqual([1, 3]);
     expect(found("speed>1 duration<8")).toEqual([3]);

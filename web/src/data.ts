@@ -32,8 +32,14 @@ export function valueOf(data: Columns, run: Run, column: string): unknown {
     case "reason":
       return data.reasons[runs.reason[run]!];
     default:
-      return data.variants.values[column.replace(/^p:/, "")]?.[runs.variant[run]!];
+      return textOf(data, run, column) ?? data.variants.values[column.replace(/^p:/, "")]?.[runs.variant[run]!];
   }
+}
+
+/** Text of a run in one of the further columns; undefined without such a column. */
+function textOf({ runs }: Columns, run: Run, column: string): string | undefined {
+  const found = column.startsWith("t:") ? runs.texts[column.slice(2)] : undefined;
+  return found && found.texts[found.text[run]!];
 }
 
 /** Names of the factors that have more than one value, then the others. */

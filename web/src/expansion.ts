@@ -1,14 +1,9 @@
 // Which configurations a name or a glob chooses; `vast exec local run --config` chooses the same.
 
-/** Configurations of a document, as columns. */
-export interface Variants {
-  name: string[];
-  entry: string[];
-  values: Record<string, unknown[]>;
-}
+import type { VariantColumns } from "./api";
 
 /** Places of the configurations whose name, or whose entry's name, is the pattern, or else is like it. */
-export function chosen({ name, entry }: Variants, pattern: string): number[] {
+export function chosen({ name, entry }: VariantColumns, pattern: string): number[] {
   const places = name.map((_, place) => place);
   if (!pattern) return places;
   const exact = places.filter((place) => name[place] === pattern || entry[place] === pattern);

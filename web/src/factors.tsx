@@ -1,6 +1,6 @@
 // What was varied, and which of it makes runs fail.
 import { useMemo, useRef } from "preact/hooks";
-import { address, type Columns, type Effect, type Explained } from "./api";
+import { address, type Columns, type Effect, type Factors } from "./api";
 import { axis, factors, order, others, show, titled, unitOf, varies, type Axis } from "./data";
 
 import { useAnswer } from "./live";
@@ -23,14 +23,14 @@ export interface Axes {
   down: Axis;
   options: Option[];
   /** Null while it is computed, or when it cannot be. */
-  explained: Explained | null;
+  explained: Factors | null;
   /** Whether the axes are known; the usual ones are those that separate failures best. */
   ready: boolean;
 }
 
 /** The usual axes of `data` are those of the campaign `of`, which a comparison begins with. */
 export function useAxes(data: Columns, query: URLSearchParams, of = data.summary.name): Axes {
-  const { data: explained, error } = useAnswer<Explained>(
+  const { data: explained, error } = useAnswer<Factors>(
     address(["campaigns", of, "factors"]),
     (answer, versions) => (versions[of] ?? answer.version) !== answer.version,
   );
@@ -49,7 +49,7 @@ export function useAxes(data: Columns, query: URLSearchParams, of = data.summary
 }
 
 /** The usual axes; while a campaign runs they stay as they were. */
-function useUsual(data: Columns, explained: Explained | null): string[] | null {
+function useUsual(data: Columns, explained: Factors | null): string[] | null {
   const { name, state } = data.summary;
   const kept = useRef({ name: "", axes: [] as string[] });
   if (!explained) return null;
@@ -105,7 +105,7 @@ export function AxesNote({ axes }: { axes: Axes }) {
   return <p class="quiet note">{noteOf(explained)}</p>;
 }
 
-function noteOf({ axes, effects }: Explained): string {
+function noteOf({ axes, effects }: Factors): string {
   const isClear = (name: string) => effects.some(({ factor, p }) => factor === name && p < LEVEL);
   return FACTORS.axes(axes, effects.length > 0, axes.filter((name) => !isClear(name)));
 }

@@ -1,40 +1,16 @@
 // One configuration over campaigns: how often it failed, and what changed between.
 import { useEffect, useRef, useState } from "preact/hooks";
-import { address } from "./api";
+import { address, type History, type HistoryEntry } from "./api";
 import { order } from "./data";
 import { moment, percent } from "./format";
 import { Grid, type Column } from "./grid";
 import { useAnswer } from "./live";
 import { Export, Waiting } from "./parts";
-import { intervalText, type Interval } from "./rates";
+import { intervalText } from "./rates";
 import { link } from "./route";
 import "./history.css";
 import { COMMON, HISTORY } from "./text";
 
-interface Entry {
-  campaign: string;
-  /** The configuration's name there. */
-  name: string;
-  started_at: number | null;
-  rate: { runs: number; failed: number; errored: number; rate: number; interval: Interval };
-  reason: string;
-  image: string;
-  /** What is different from the entry before. */
-  changes: string[];
-  /** The same as a text, also if nothing changed; empty for the first entry. */
-  changed: string;
-}
-
-interface History {
-  /** The oldest first. */
-  entries: Entry[];
-  /** Campaigns in which its name stands for other parameters. */
-  others: string[];
-  /** Campaigns that are still to be searched. */
-  pending: number;
-}
-
-/** The configuration of a run in all campaigns of the folder. */
 export function HistoryOf({ campaign, variant }: { campaign: string; variant: string }) {
   const { data, error } = useHistory(campaign, variant);
   if (!data) return <Waiting error={error} />;
@@ -71,20 +47,21 @@ function useHistory(campaign: string, variant: string) {
   return { data: latest.current, error: answer.error };
 }
 
-function Dot({ entry, current }: { entry: Entry; current: boolean }) {
-  const { campaign, name, changes, changed, rate } = entry;
+function Dot({ entry, current }: { entry: HistoryEntry; current: boolean }) {
+  const { campaign, name, changes, changed } = entry;
+  const rate = entry.rate.rate ?? 0;
   const label = [campaign, outcome(entry), changed && HISTORY.changed(changed)].filter(Boolean).join("; ");
   return (
     <li class={changes.length > 0 ? "changed" : undefined} title={label}>
       {changes.length > 0 && <small>{changed}</small>}
       <a
-        class={`dot ${rate.rate > 0 ? "bad" : ""}`}
-        style={{ "--share": `${100 * rate.rate}%` }}
+        class={`dot ${rate > 0 ? "bad" : ""}`}
+        style={{ "--share": `${100 * rate}%` }}
         href={configuration(campaign, name)}
         aria-label={label}
         aria-current={current ? "page" : undefined}
       />
-      <small>{percent(rate.rate)}</small>
+      <small>{percent(rate)}</small>
     </li>
   );
 }
@@ -93,15 +70,15 @@ function configuration(campaign: string, name: string): string {
   return link(["campaign", campaign], { q: `variant=${name}` });
 }
 
-function outcome(entry: Entry): string {
+function outcome(entry: HistoryEntry): string {
   return HISTORY.outcome(badOf(entry), entry.rate.runs);
 }
 
-function badOf({ rate }: Entry): number {
+function badOf({ rate }: HistoryEntry): number {
   return rate.failed + rate.errored;
 }
 
-function valueOf(entry: Entry, column: string): unknown {
+function valueOf(entry: HistoryEntry, column: string): unknown {
   switch (column) {
     case "started":
       return entry.started_at;
@@ -118,13 +95,13 @@ function valueOf(entry: Entry, column: string): unknown {
 }
 
 /** Places of entries; equal ones stay in the order of their dates. */
-function sorted(entries: Entry[], sort: string): number[] {
+function sorted(entries: HistoryEntry[], sort: string): number[] {
   const [sign, column] = sort.startsWith("-") ? [-1, sort.slice(1)] : [1, sort];
   const of = (row: number) => valueOf(entries[row]!, column);
   return entries.map((_, row) => row).sort((a, b) => sign * order(of(a), of(b)) || a - b);
 }
 
-function Table({ entries, name }: { entries: Entry[]; name: string }) {
+function Table({ entries, name }: { entries: HistoryEntry[]; name: string }) {
   const [sort, setSort] = useState("-started"); // the latest is what people ask for
   const of = (row: number) => entries[row]!;
   const rows = sorted(entries, sort);

@@ -1,9 +1,9 @@
 // What was started from here: that it runs, how far it is, what it prints, and how to stop it.
 import { useEffect, useRef, useState } from "preact/hooks";
-import { address, post, type Campaigns, type Launch, type Replay, type RunAnswer } from "./api";
+import { address, post, type Campaigns, type Launch, type News, type Replay, type RunAnswer } from "./api";
 import { isStale } from "./campaigns";
 import { duration, moment } from "./format";
-import { dismissLaunch, isRunning, tellLaunch, useAnswer, useLaunch, type Launched } from "./live";
+import { dismissLaunch, isRunning, tellLaunch, useAnswer, useLaunch } from "./live";
 import { useEnd } from "./log";
 import { Export, State, VerdictBar } from "./parts";
 import { link } from "./route";
@@ -46,7 +46,7 @@ export function StartedOn({ campaign, counted }: { campaign: string; counted?: b
 }
 
 interface ProgressProps {
-  launched: Launched;
+  launched: News;
   /** The campaign on whose page it is shown. */
   here?: string;
   /** Whether that page counts the campaign's runs. */
@@ -123,7 +123,7 @@ export function ReplayText({ replay: { of, stored, same, text } }: { replay: Rep
 }
 
 /** Open, unless it had ended before one came here. */
-function Output({ launched: { launch, first, lines } }: { launched: Launched }) {
+function Output({ launched: { launch, first, lines } }: { launched: News }) {
   const [open] = useState(launch.ended === null);
   const end = useEnd(lines);
   return (

@@ -1,26 +1,9 @@
 // Versions of all campaigns as the server tells them; every view asks again when its one changes.
 import { useEffect, useState } from "preact/hooks";
-import { ask, type Launch } from "./api";
+import { ask, type Launch, type News, type Prepared } from "./api";
 
 /** By campaign; null for one that was removed. */
 export type Versions = Record<string, number | null>;
-
-/** A campaign that was started from here, and what it has printed from line `first` on. */
-export interface Launched {
-  launch: Launch;
-  first: number;
-  lines: string[];
-}
-
-/** Tables that are made meanwhile. */
-export interface Prepared {
-  /** Campaigns whose tables are there. */
-  done: number;
-  total: number;
-  running: boolean;
-  /** Whether any was made; told at the end. */
-  changed: boolean;
-}
 
 /** Lines that are kept, as many as the server keeps. */
 const MOST_LINES = 1000;
@@ -29,7 +12,7 @@ const DISMISSED = "dismissed launch";
 
 const listeners = new Set<() => void>();
 let versions: Versions = {};
-let launched: Launched | null = null;
+let launched: News | null = null;
 /** When the launch was started that is shown no more. */
 let dismissed = readDismissed();
 let prepared: Prepared | null = null;
@@ -54,7 +37,7 @@ function start(): void {
     listeners.forEach((tell) => tell());
   };
   source.addEventListener("launch", (event) => {
-    launched = joined(launched, JSON.parse(event.data) as Launched);
+    launched = joined(launched, JSON.parse(event.data) as News);
     listeners.forEach((tell) => tell());
   });
   source.addEventListener("preparing", (event) => {
@@ -75,7 +58,7 @@ export function tellLaunch(launch: Launch): void {
 }
 
 /** What was known, continued by news when these follow it. */
-export function joined(known: Launched | null, news: Launched): Launched {
+export function joined(known: News | null, news: News): News {
   const follows = known?.launch.number === news.launch.number && known.first + known.lines.length === news.first;
   const all = follows ? [...known.lines, ...news.lines] : news.lines;
   const gone = Math.max(0, all.length - MOST_LINES);
@@ -104,7 +87,7 @@ export function useConnected(): boolean {
 }
 
 /** The campaign that was started from here the last time, unless it was dismissed. */
-export function useLaunch(): Launched | null {
+export function useLaunch(): News | null {
   return useLatest(() => (launched && String(launched.launch.started) === dismissed ? null : launched));
 }
 
@@ -191,6 +174,6 @@ export function useAnswer<T>(url: string | null, stale?: Stale<T>): Answer<T> {
   return answer.url === url && (answer.data || answer.error) ? answer : recall(url);
 }
 
-export function isRunning(launched: Launched | null): boolean {
+export function isRunning(launched: News | null): boolean {
   return launched !== null && launched.launch.ended === null;
 }

@@ -1,6 +1,6 @@
 // A text in the logs of all runs, those that did not pass first, cause by cause.
 import { useEffect, useState } from "preact/hooks";
-import { address, ask, type Columns, type LogPage } from "./api";
+import { address, ask, type Columns, type FoundRun } from "./api";
 import { variantOf, verdictOf, type Run } from "./data";
 import { causeOf, failures } from "./failures";
 
@@ -13,13 +13,6 @@ import { stamped } from "./times";
 const STEP = 50;
 /** With so many that have the text, no more are searched. */
 const ENOUGH = 200;
-
-interface FoundRun {
-  run: string;
-  path: string;
-  matches: number;
-  lines: LogPage["lines"];
-}
 
 interface LogSearchProps {
   data: Columns;

@@ -1,10 +1,11 @@
 import { render } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import type { News } from "./api";
 import { CampaignPage } from "./campaign";
 import { CampaignsPage } from "./campaigns";
 import { ComparePage } from "./compare";
 import { JobPage } from "./job";
-import { isRunning, startListening, useConnected, useLaunch, type Launched } from "./live";
+import { isRunning, startListening, useConnected, useLaunch } from "./live";
 import { Preparing } from "./preparing";
 import { link, useRoute } from "./route";
 import { RunPage } from "./run";
@@ -68,7 +69,7 @@ function Page() {
 }
 
 /** Where one sees what was started from here. */
-function whereShown({ launch: { campaign } }: Launched): string {
+function whereShown({ launch: { campaign } }: News): string {
   return link(campaign ? ["campaign", campaign] : ["start"]);
 }
 

@@ -1,7 +1,7 @@
 // Parts that several views share.
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
-import { VERDICTS, type Summary, type Verdict } from "./api";
+import { VERDICTS, type CampaignSummary, type Verdict } from "./api";
 import { csv } from "./data";
 import { count, percent } from "./format";
 import { useProgress } from "./pending";
@@ -28,7 +28,7 @@ export function Glyph({ verdict }: { verdict: Verdict }) {
 }
 
 /** Shares of the verdicts of a campaign; what is still to come stays empty. */
-export function VerdictBar({ summary }: { summary: Summary }) {
+export function VerdictBar({ summary }: { summary: CampaignSummary }) {
   const { counts, planned } = summary;
   const shares = VERDICTS.filter((verdict) => counts[verdict] > 0);
   const done = VERDICTS.reduce((sum, verdict) => sum + counts[verdict], 0);
@@ -60,11 +60,11 @@ export function VerdictBar({ summary }: { summary: Summary }) {
   );
 }
 
-export function State({ state }: { state: Summary["state"] }) {
+export function State({ state }: { state: CampaignSummary["state"] }) {
   return <span class={`state ${state}`}>{state}</span>;
 }
 
-export function passRate(summary: Summary): string {
+export function passRate(summary: CampaignSummary): string {
   const { passed, failed, errored } = summary.counts;
   const all = passed + failed + errored;
   return all ? percent(passed / all) : "–";

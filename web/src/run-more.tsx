@@ -1,6 +1,6 @@
 // More runs of configurations of a campaign: a command, and a button that executes it.
 import { useState } from "preact/hooks";
-import { address, type Offer } from "./api";
+import { address, type MoreRuns, type Offer } from "./api";
 
 import { Refusal, useStarter } from "./launched";
 import { useAnswer, type Versions } from "./live";
@@ -13,25 +13,11 @@ interface RunMoreProps {
   configurations: string[];
 }
 
-/** What more runs of configurations need. */
-interface More {
-  /** Of the campaign. */
-  version: number;
-  /** Continues the campaign; empty if it is not of this machine, or a search. */
-  command: string;
-  /** Of a campaign of a cluster: the parts of a command, between which a number of runs stands. */
-  cluster: { parts: string[]; of_all: boolean } | null;
-  /** Runs of the one that has the most, those included that are still to come. */
-  planned: number;
-  /** Whether that makes intervals wider than they are. */
-  widen: boolean;
-}
-
 export function RunMore({ campaign, configurations }: RunMoreProps) {
   const { data: offer } = useAnswer<Offer>(address(["offer"]));
-  const isStale = ({ version }: More, versions: Versions) => (versions[campaign] ?? version) !== version;
+  const isStale = ({ version }: MoreRuns, versions: Versions) => (versions[campaign] ?? version) !== version;
   const named = configurations.slice(0, MOST_NAMED);
-  const { data: more } = useAnswer<More>(address(["campaigns", campaign, "more"], { config: named }), isStale);
+  const { data: more } = useAnswer<MoreRuns>(address(["campaigns", campaign, "more"], { config: named }), isStale);
   const { start, busy, refusal } = useStarter();
   const [wanted, setWanted] = useState(0);
   if (!(more?.command || more?.cluster) || !configurations.length) return null;

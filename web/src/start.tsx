@@ -1,9 +1,9 @@
 // Running a campaign from here: what it would run.
 import type { ComponentChildren } from "preact";
 import { useEffect, useMemo, useState } from "preact/hooks";
-import { address, post, type Offer } from "./api";
+import { address, post, type Offer, type VariantColumns } from "./api";
 import { factors, order, show } from "./data";
-import { chosen, type Variants } from "./expansion";
+import { chosen } from "./expansion";
 
 import { Grid } from "./grid";
 import { Progress, Refusal, useStarter } from "./launched";
@@ -92,13 +92,13 @@ function Choices({ offer, query, children }: ChoicesProps) {
 }
 
 /** The configurations, why there are none, and what asks for them again. */
-function useExpansion(): [Variants | null, string, () => void] {
-  const [variants, setVariants] = useState<Variants | null>(null);
+function useExpansion(): [VariantColumns | null, string, () => void] {
+  const [variants, setVariants] = useState<VariantColumns | null>(null);
   const [fault, setFault] = useState("");
   const read = () => {
     setVariants(null);
     setFault("");
-    post<Variants>(address(["expansion"])).then(setVariants, (cause: Error) => setFault(cause.message));
+    post<VariantColumns>(address(["expansion"])).then(setVariants, (cause: Error) => setFault(cause.message));
   };
   useEffect(read, []);
   return [variants, fault, read];
@@ -156,7 +156,7 @@ function Starter({ query, what }: StarterProps) {
 }
 
 interface ExpansionProps {
-  variants: Variants;
+  variants: VariantColumns;
   rows: number[];
   query: URLSearchParams;
 }

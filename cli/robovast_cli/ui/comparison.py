@@ -13,7 +13,7 @@ from robovast.base.printable import printable_json
 from robovast.base.statistics import percent
 from robovast.campaign.junit import Case, Suite, report_text
 from robovast.campaign.verdict import Outcome
-from robovast.evaluation.compare import Comparison, VariantDifference
+from robovast.evaluation.compare import Change, Comparison, VariantDifference
 from robovast.evaluation.rates import MOST_RUNS, Sample
 from robovast_cli.ui.markdown import markdown_table
 from robovast_cli.ui.output import say_data
@@ -21,7 +21,7 @@ from robovast_cli.ui.table import counted, format_table
 
 Format = Literal["text", "json"]
 
-CHANGES = ("worse", "unclear", "better", "same")
+CHANGES: tuple[Change, ...] = ("worse", "unclear", "better", "same")
 """In the order of tables."""
 MOST_ROWS = 30
 """Maximum number of configurations in a text, which omits unchanged ones."""

@@ -27,7 +27,7 @@ from robovast.base.sequential import Decision
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.decisions import DECISIONS_LIMIT, decide, runs_needed
 from robovast.campaign.layout import INDEX, JOB_LINKS, RUNS_TABLE, Layout
-from robovast.campaign.run_record import RunRecord
+from robovast.campaign.run_record import IN_INDEX, RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.generate import write_execution
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
@@ -137,13 +137,7 @@ def _entry(
         return {**place, "verdict": Verdict.ERRORED, "reason": reason, "attempt": 0}
     return {
         **place,
-        "verdict": record.verdict,
-        "reason": record.reason,
-        "attempt": record.attempt,
-        "started_at": record.started_at,
-        "finished_at": record.finished_at,
-        "duration": record.duration,
-        "job": record.job,
+        **{name: getattr(record, name) for name in IN_INDEX},
         **({"missing": sum(file.count for file in record.missing)} if record.missing else {}),
         **({"damaged": damaged[run.path]} if run.path in damaged else {}),
     }

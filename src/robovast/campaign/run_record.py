@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, get_type_hints
 
 from pydantic import TypeAdapter
 from pydantic_core import from_json
@@ -35,39 +35,55 @@ _LEFT_OUT_EMPTY = (PLACE, "missing", "pod", "factors", "key", "reused_from")
 
 
 @dataclass(frozen=True)
+class Column:
+    """Makes a property of a run a column of the table `runs`."""
+
+    sql_type: str
+    in_index: bool = False
+    """Whether `index.json` has it, too."""
+
+
+_TEXT, _NUMBER = Column("VARCHAR"), Column("BIGINT")
+_TIME = Column("TIMESTAMP", in_index=True)
+
+
+@dataclass(frozen=True)
 class RunRecord:
-    """Identity, parameters, verdict and circumstances of one run."""
+    """Identity, parameters, verdict and circumstances of one run.
+
+    The only list of a run's properties: the table `runs` and `index.json` follow from it.
+    """
 
     campaign: str
     variant: str
-    entry: str
-    run: int
-    id: int
-    verdict: Verdict
-    reason: str
+    run: Annotated[int, Column("INTEGER")]
+    entry: Annotated[str, _TEXT]
+    id: Annotated[int, _NUMBER]
+    verdict: Annotated[Verdict, Column("VARCHAR", in_index=True)]
+    reason: Annotated[str, Column("VARCHAR", in_index=True)]
     """Why the run did not pass; empty if it did."""
-    started_at: str
+    started_at: Annotated[str, _TIME]
     """ISO 8601, UTC."""
-    finished_at: str
-    duration: float
+    finished_at: Annotated[str, _TIME]
+    duration: Annotated[float, Column("DOUBLE", in_index=True)]
     """[s]"""
-    exit_code: int | None
+    exit_code: Annotated[int | None, _NUMBER]
     """Exit code of the process that executed the scenario; None if it did not end by itself."""
-    attempt: int
-    job: str
-    runtime: str
-    image: str
+    attempt: Annotated[int, Column("BIGINT", in_index=True)]
+    job: Annotated[str, Column("VARCHAR", in_index=True)]
+    runtime: Annotated[str, _TEXT]
+    image: Annotated[str, _TEXT]
     image_digest: str
-    host: str
+    host: Annotated[str, _TEXT]
     pod: str = ""
     """The pod that executed the run on a cluster, else empty."""
-    seed: int | None = None
+    seed: Annotated[int | None, _NUMBER] = None
     """Seed of the run's random numbers; None in campaigns of RoboVAST 1.x."""
     key: str = ""
     """What the run depended on, as a hash: equal keys mean the same work; empty if not known."""
     outputs: dict[str, str] | None = None
     """SHA-256 of each file that the run wrote, by path; None if not known."""
-    reused_from: str = ""
+    reused_from: Annotated[str, _TEXT] = ""
     """`<campaign>/<variant>/<run>` that was executed, if this record is of a copy of it."""
     parameters: dict[str, Any] = field(default_factory=dict)
     factors: dict[str, Any] = field(default_factory=dict)
@@ -101,6 +117,17 @@ class RunRecord:
         left_out = {key for key in _LEFT_OUT_EMPTY if not data[key]}
         left_out |= {key for key in ("seed", "outputs") if data[key] is None}
         return {key: value for key, value in data.items() if key not in left_out}
+
+
+_COLUMNS = {
+    name: column
+    for name, hint in get_type_hints(RunRecord, include_extras=True).items()
+    for column in getattr(hint, "__metadata__", ())
+}
+COLUMNS = {"config": "VARCHAR"} | {name: column.sql_type for name, column in _COLUMNS.items()}
+"""Columns of the table `runs` with their SQL types; `config` is the variant, times are UTC."""
+IN_INDEX = tuple(name for name, column in _COLUMNS.items() if column.in_index)
+"""Properties of a run in `index.json`, beside its identity."""
 
 
 def copy_run_record(source: Path, target: Path, **changes: Any) -> None:

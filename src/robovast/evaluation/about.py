@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from robovast.base.bounds import Bound
 from robovast.base.errors import InputError
@@ -41,7 +41,7 @@ Place = tuple[Path, str]
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceFile:
     """A text file of a campaign."""
 
     name: str
@@ -54,7 +54,7 @@ class About:
 
     title: str
     description: str
-    sources: list[Source]
+    sources: list[SourceFile]
     """The .vast file and the scenario."""
 
 
@@ -64,8 +64,7 @@ class Change:
 
     name: str
     """A file of `_config`, or a key of execution.yaml."""
-    kind: str
-    """`changed`, `added` or `removed`."""
+    kind: Literal["changed", "added", "removed"]
     lines: list[str]
     """A unified diff without its head; empty for what is no text, or too long."""
     more: int
@@ -81,7 +80,7 @@ def about(results: Path, campaign: str) -> About:
     return About(
         title=_shown(metadata.get("title")),
         description=_shown(metadata.get("description")),
-        sources=[Source(file, text) for file, text in texts if text is not None],
+        sources=[SourceFile(file, text) for file, text in texts if text is not None],
     )
 
 
@@ -146,9 +145,13 @@ def _changed_files(before: Place, after: Place) -> Iterator[Change]:
             continue
         old = _content(*before, name) if name in one else b""
         new = _content(*after, name) if name in other else b""
-        kind = "added" if name not in one else "removed" if name not in other else "changed"
         lines = [] if bound.late() else _diff(old, new)
-        yield Change(name, kind, lines[:MOST_LINES], max(0, len(lines) - MOST_LINES))
+        yield Change(
+            name,
+            "added" if name not in one else "removed" if name not in other else "changed",
+            lines[:MOST_LINES],
+            max(0, len(lines) - MOST_LINES),
+        )
 
 
 def _diff(old: bytes | None, new: bytes | None) -> list[str]:

@@ -22,13 +22,14 @@ from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaigns import active_jobs, is_own_folder, is_search
 from robovast.evaluation.inside import resolved
 from robovast.evaluation.mirrored_jobs import mirrored_jobs
-from robovast.evaluation.stored_runs import read_variant, seconds
+from robovast.evaluation.stored_runs import read_variant
 from robovast.evaluation.summaries import (
     ActiveJob,
     CampaignSummary,
     RunSummary,
     VariantRuns,
     decision_of,
+    seconds,
 )
 from robovast.evaluation.untrusted import read_yaml
 from robovast.model.naming import CONFIG

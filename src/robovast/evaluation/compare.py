@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, partial
+from typing import Literal
 
 from robovast.base.statistics import (
     LEVEL,
@@ -24,6 +25,7 @@ from robovast.campaign.verdict import Verdict
 from robovast.evaluation.rates import MOST_RUNS, Sample, sample_of
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 
+Change = Literal["worse", "better", "unclear", "same"]
 MARGIN = 0.05
 """Difference of rates that does not matter, unless users say otherwise."""
 
@@ -52,7 +54,7 @@ class VariantDifference:
     difference: Difference
     adjusted_p: float
     """Holm's correction for the number of variants."""
-    change: str
+    change: Change
     """`worse` or `better` if the adjusted p-value is below `LEVEL`; `same` if the rates are equal,
     or surely differ by less than the margin; otherwise `unclear`."""
     more_runs: int | None
@@ -66,7 +68,7 @@ class Comparison:
 
     overall: Difference
     """All matched variants together."""
-    change: str
+    change: Change
     """Of all together: `worse` or `better` if chance hardly explains it; `same` if the rate surely
     rose by less than the margin; otherwise `unclear`."""
     more_runs: int | None
@@ -261,7 +263,7 @@ def _corrected(ps: Sequence[float], adjusted: Sequence[float], old: float, new: 
     return min(1.0, max(new * (len(ps) - rank), adjusted[rank - 1] if rank else 0.0))
 
 
-def _variant_change(found: Difference, p: float, interval: Interval, margin: float) -> str:
+def _variant_change(found: Difference, p: float, interval: Interval, margin: float) -> Change:
     if not found.a.runs or not found.b.runs:
         return "unclear"
     low, high = interval
@@ -272,7 +274,7 @@ def _variant_change(found: Difference, p: float, interval: Interval, margin: flo
     return "worse" if found.b.rate > found.a.rate else "better"
 
 
-def _overall_change(found: Difference, p: float, high: float, margin: float) -> str:
+def _overall_change(found: Difference, p: float, high: float, margin: float) -> Change:
     if p < LEVEL and found.b.rate < found.a.rate:
         return "better"
     if high <= margin:

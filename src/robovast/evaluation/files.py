@@ -6,12 +6,15 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Literal
 
 from robovast.evaluation.inside import MissingError, resolved
 
+FileKind = Literal["table", "log", "text", "image", "video", "other"]
+
 MOST_FILES = 2000
 
-KINDS = {
+KINDS: dict[str, FileKind] = {
     ".csv": "table",
     ".log": "log",
     ".txt": "log",
@@ -38,8 +41,7 @@ class FileEntry:
     """Path relative to the results folder, with `/` as separator."""
     name: str
     """Path relative to the listed folder."""
-    kind: str
-    """`table`, `log`, `text`, `image`, `video` or `other`."""
+    kind: FileKind
     size: int
     """[bytes]"""
 
@@ -63,7 +65,7 @@ def list_files(results: Path, relative: str) -> list[FileEntry]:
     return sorted(entries, key=lambda entry: entry.name)
 
 
-def kind_of(name: str) -> str:
+def kind_of(name: str) -> FileKind:
     """The kind of a file, by its suffix."""
     return KINDS.get(PurePosixPath(name).suffix.lower(), "other")
 

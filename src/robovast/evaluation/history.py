@@ -26,8 +26,8 @@ from robovast.evaluation.configuration_index import ConfigurationIndex
 from robovast.evaluation.inside import MissingError
 from robovast.evaluation.rates import Rate, rate_of
 from robovast.evaluation.run import run_record
-from robovast.evaluation.stored_runs import read_variant, seconds
-from robovast.evaluation.summaries import VariantRuns
+from robovast.evaluation.stored_runs import read_variant
+from robovast.evaluation.summaries import VariantRuns, seconds
 from robovast.evaluation.untrusted import mapping, read_yaml
 from robovast.model.naming import CONFIG
 

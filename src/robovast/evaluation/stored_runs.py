@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from datetime import datetime
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, VARIANT_RECORD
 from robovast.campaign.run_record import RunRecord, parse_known, result_without_record
-from robovast.evaluation.summaries import RunSummary, VariantRuns
+from robovast.evaluation.summaries import LISTED, RunSummary, VariantRuns
 from robovast.evaluation.untrusted import mapping, plain, read_yaml
 from robovast.model.variations.factors import factor_units, factor_values
 
@@ -21,14 +20,7 @@ LARGEST = 1 << 20
 """Largest record that is read [bytes]."""
 _USUAL = 1 << 14
 """A record is hardly ever larger [bytes]; room for the largest one would cost time for each."""
-LONGEST_REASON = 500
-"""Longest reason in lists [characters]; the run's page shows all of it."""
-_LONGEST_JOB = 100
-"""Longest name of a job that is one [characters]."""
-
-_LARGEST_NUMBER = 1e18
-"""Largest plausible time [s]."""
-
+_listed = attrgetter(*LISTED)
 _RUN = re.compile(r"0|[1-9][0-9]{0,8}")
 
 
@@ -78,14 +70,6 @@ def _configured(results: Path, campaign: str, name: str) -> Mapping[str, Any]:
     return next(map(mapping, scenarios.values()), {})
 
 
-def seconds(value: Any) -> float | None:
-    """Convert an ISO 8601 time to seconds since the epoch; None if it is invalid."""
-    try:
-        return datetime.fromisoformat(str(value)).timestamp()
-    except (ValueError, OverflowError):
-        return None
-
-
 @contextmanager
 def _folder(path: str) -> Iterator[int]:
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
@@ -118,23 +102,16 @@ def _read_record(variant: int, number: int) -> RunRecord | None:
 
 
 def _from_record(number: int, record: RunRecord) -> RunSummary:
-    return RunSummary(
-        number=number,
-        verdict=record.verdict,
-        reason=sys.intern(record.reason[:LONGEST_REASON]),
-        started_at=seconds(record.started_at),
-        duration=record.duration if abs(record.duration) < _LARGEST_NUMBER else None,
-        seed=record.seed,
-        reused=bool(record.reused_from),
-        job=sys.intern(record.job[:_LONGEST_JOB]),
-    )
+    """The summary of a run; its folder gives the number, whatever the record says."""
+    _, *others = _listed(record)
+    return RunSummary.of(number, *others)
 
 
 def _from_test_result(folder: Path, number: int) -> RunSummary:
     """A run without a record, made by another tool."""
     result = result_without_record(folder)
-    reason = result.reason[:LONGEST_REASON]
-    return RunSummary(number, result.verdict, reason, result.started_at, result.duration)
+    known = (result.verdict, result.reason, result.started_at, result.duration)
+    return RunSummary.of(number, *known, *[None] * (len(LISTED) - len(known) - 1))
 
 
 def _bounded(parameters: Mapping[str, Any]) -> Mapping[str, Any]:

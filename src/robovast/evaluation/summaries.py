@@ -2,13 +2,34 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from datetime import datetime
+from typing import Any, Literal
 
 from robovast.base.sequential import Decision
 from robovast.campaign.decisions import CampaignTest, decide
 from robovast.campaign.verdict import Verdict
+
+LISTED = (
+    "run",
+    "verdict",
+    "reason",
+    "started_at",
+    "duration",
+    "seed",
+    "reused_from",
+    "job",
+    "host",
+)
+"""Columns of a run that lists show, in the order of `RunSummary.of`."""
+_LONGEST_REASON = 500
+"""Longest reason in lists [characters]; the run's page shows all of it."""
+_LONGEST_NAME = 100
+"""Longest name of a job or computer in lists [characters]."""
+_LARGEST_NUMBER = 1e18
+"""Largest plausible time [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +49,46 @@ class RunSummary:
     """Whether another campaign executed it."""
     job: str = ""
     """What executed it; empty if its record does not say."""
+    host: str = ""
+    """The computer that executed it; empty if its record does not say."""
+
+    @classmethod
+    def of(
+        cls,
+        number: int,
+        verdict: Verdict,
+        reason: str | None,
+        started_at: str | float | None,
+        duration: float | None,
+        seed: int | None,
+        reused_from: str | None,
+        job: str | None,
+        host: str | None,
+    ) -> RunSummary:
+        """The summary of a run from its columns in `LISTED`, from a record or a table.
+
+        Texts that are equal in many runs are stored once.
+        """
+        is_plausible = duration is not None and abs(duration) < _LARGEST_NUMBER
+        return cls(
+            number,
+            verdict,
+            sys.intern((reason or "")[:_LONGEST_REASON]),
+            seconds(started_at) if isinstance(started_at, str) else started_at,
+            duration if is_plausible else None,
+            seed,
+            bool(reused_from),
+            sys.intern((job or "")[:_LONGEST_NAME]),
+            sys.intern((host or "")[:_LONGEST_NAME]),
+        )
+
+
+def seconds(value: Any) -> float | None:
+    """Convert an ISO 8601 time to seconds since the epoch; None if it is invalid."""
+    try:
+        return datetime.fromisoformat(str(value)).timestamp()
+    except (ValueError, OverflowError):
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +124,8 @@ class CampaignSummary:
     """One campaign."""
 
     name: str
-    state: str
-    """`running`, `finished`, or `incomplete`: not running, and runs are missing."""
+    state: Literal["running", "finished", "incomplete"]
+    """`incomplete`: not running, and runs are missing."""
     planned: int
     """Number of planned runs."""
     counts: Mapping[Verdict, int]

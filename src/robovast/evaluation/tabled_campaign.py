@@ -15,11 +15,10 @@ from robovast.analysis.tables.stored import StoredTables
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaign_index import by_number
-from robovast.evaluation.stored_runs import LONGEST_REASON
-from robovast.evaluation.summaries import RunSummary, VariantRuns
+from robovast.evaluation.summaries import LISTED, RunSummary, VariantRuns
 from robovast.evaluation.untrusted import parse_json, plain
 
-_OWN = "config|entry|run|verdict|reason|started_at|duration|seed|reused_from"
+_OWN = "|".join(["config", "entry", *LISTED])
 _RUNS = (
     f"SELECT COLUMNS('^({_OWN})$|^({PARAMETER}|{FACTOR})') "  # noqa: S608
     "FROM (SELECT * REPLACE (epoch(started_at) AS started_at) FROM runs) ORDER BY config, run"
@@ -54,17 +53,14 @@ def _variant(name: str, first: Mapping[str, Any], runs: tuple[RunSummary, ...]) 
 
 
 def _reader(columns: Sequence[str]) -> Callable[[tuple[Any, ...]], RunSummary]:
-    """What makes the run of a row; there may be many. Tables of older versions lack some columns,
-    and what is no verdict, no record states either."""
-    names = ("run", "verdict", "reason", "started_at", "duration", "seed", "reused_from")
-    places = [columns.index(name) if name in columns else -1 for name in names]
+    """What makes the run of a row; there may be many. Tables of RoboVAST 1.x lack some columns,
+    and an unknown verdict counts as errored."""
+    places = [columns.index(name) if name in columns else -1 for name in LISTED]
     values = itemgetter(*places)
 
     def read(row: tuple[Any, ...]) -> RunSummary:
-        number, said, reason, started, duration, seed, reused_from = values((*row, None))
-        verdict = _VERDICTS.get(str(said), Verdict.ERRORED)
-        short = (reason or "")[:LONGEST_REASON]
-        return RunSummary(number, verdict, short, started, duration, seed, bool(reused_from))
+        number, verdict, *others = values((*row, None))
+        return RunSummary.of(number, _VERDICTS.get(str(verdict), Verdict.ERRORED), *others)
 
     return read
 

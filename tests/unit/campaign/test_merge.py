@@ -25,24 +25,10 @@ SECOND = "camp with spaces-2026-03-06-120000"
 
 def run_record(campaign: str, variant: str, run: int, verdict: Verdict) -> RunRecord:
     return RunRecord(
-        campaign,
-        variant,
-        variant,
-        run,
-        run,
-        verdict,
-        "",
-        "",
-        "",
-        1.0,
-        0,
-        1,
-        "job-1",
-        "",
-        "",
-        "",
-        "",
-    )
+        campaign=campaign, variant=variant, entry=variant, run=run, id=run, verdict=verdict,
+        reason="", started_at="", finished_at="", duration=1.0, exit_code=0, attempt=1,
+        job="job-1", runtime="", image="", image_digest="", host="",
+    )  # fmt: skip
 
 
 def make_campaign(

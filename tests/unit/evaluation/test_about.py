@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.campaigns.stored import NAME, write, write_campaign
 
-from robovast.evaluation.about import Source, about, changes
+from robovast.evaluation.about import SourceFile, about, changes
 
 LATER = "hall-2026-03-05-090000"
 DOCUMENT = """\
@@ -31,8 +31,8 @@ def test_it_has_a_title_a_description_and_its_sources(results: Path) -> None:
     found = about(results, NAME)
     assert (found.title, found.description) == ("Doors", "How wide they must be")
     assert found.sources == [
-        Source("hall.vast", DOCUMENT),
-        Source("drive/scenario.osc", "scenario drive:\n"),
+        SourceFile("hall.vast", DOCUMENT),
+        SourceFile("drive/scenario.osc", "scenario drive:\n"),
     ]
 
 

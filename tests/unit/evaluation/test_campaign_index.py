@@ -8,6 +8,7 @@ import os
 import shutil
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.campaigns import find_campaigns
 from robovast.evaluation.columns import columns
 from robovast.evaluation.library import Library
+from robovast.evaluation.server.answers import Data
 
 
 def judge(parameters, number) -> str:
@@ -218,7 +220,7 @@ def test_times_that_are_none_are_left_out(root: Path, time: str) -> None:
     write(root / "hall-1" / "1" / "run.json", text.replace("nan", "NaN"))
     index = CampaignIndex(root.parent, NAME)
     index.refresh()
-    json.dumps(columns(index.variants), allow_nan=False)
+    assert Data(columns(index.variants)).body
     first, second = index.variants[0].runs
     assert (first.verdict, first.duration) == (Verdict.PASSED, None)
     too_large = len(time) > 300  # for a number of seconds, so that the record is not understood
@@ -244,13 +246,23 @@ def test_variants_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
 
 def test_columns_say_the_same_as_the_runs(index: CampaignIndex) -> None:
     found = columns(index.variants)
-    assert found["variants"]["values"] == {"speed": [1.0, 2.0]}
-    assert found["runs"]["variant"] == [0, 0, 1, 1]
-    verdicts = [found["verdicts"][code] for code in found["runs"]["verdict"]]
+    assert found.variants.values == {"speed": [1.0, 2.0]}
+    assert found.runs.variant == [0, 0, 1, 1]
+    verdicts = [found.verdicts[code] for code in found.runs.verdict]
     assert verdicts == ["passed", "passed", "failed", "passed"]
-    reason = found["runs"]["reason"][2]
-    assert found["reasons"][reason] == "goal not reached: no goal after 20 s"
-    assert found["causes"][found["cause"][reason]] == "goal not reached: no goal after 20 s"
+    reason = found.runs.reason[2]
+    assert found.reasons[reason] == "goal not reached: no goal after 20 s"
+    assert found.causes[found.cause[reason]] == "goal not reached: no goal after 20 s"
+
+
+def test_a_column_in_which_runs_differ_is_sent_with_each_text_once(index: CampaignIndex) -> None:
+    (first, second), others = index.variants[0].runs, index.variants[1:]
+    runs = (replace(first, host="one"), replace(second, host="two"))
+    found = columns([replace(index.variants[0], runs=runs), *others]).runs.texts["host"]
+    assert [found.texts[place] for place in found.text][:2] == ["one", "two"]
+    assert len(found.texts) == len(set(found.texts))
+    same = [replace(one, runs=tuple(replace(r, host="one") for r in one.runs)) for one in others]
+    assert columns(same).runs.texts == {}
 
 
 def test_a_test_ends_the_runs_of_a_configuration(root: Path) -> None:
@@ -259,7 +271,7 @@ def test_a_test_ends_the_runs_of_a_configuration(root: Path) -> None:
     index = CampaignIndex(root.parent, NAME)
     index.refresh()
     summary = index.summary()
-    assert columns(index.variants, summary.test)["decided"] == [
+    assert columns(index.variants, summary.test).decided == [
         "passing after 2",
         "failing after 1",
     ]

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from robovast.analysis.tables.runs import COLUMNS
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES
+from robovast.campaign.run_record import COLUMNS
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.tabled_campaign import read_variants
 

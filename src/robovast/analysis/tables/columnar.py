@@ -32,7 +32,7 @@ from robovast.analysis.tables.database import (
     import_duckdb,
     runs_query,
 )
-from robovast.analysis.tables.runs import COLUMNS, Row, run_rows
+from robovast.analysis.tables.runs import Row, run_rows
 from robovast.analysis.tables.spelling import type_of
 from robovast.analysis.tables.staging import (
     append,
@@ -44,6 +44,7 @@ from robovast.analysis.tables.staging import (
 )
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import COLUMNAR_TABLES, Layout
+from robovast.campaign.run_record import COLUMNS
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection

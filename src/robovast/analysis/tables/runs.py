@@ -13,31 +13,16 @@ from robovast.base.errors import InputError
 from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import read_configurations
 from robovast.campaign.layout import SCENARIO_CONFIG, Layout
-from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
+from robovast.campaign.run_record import (
+    COLUMNS,
+    RunRecord,
+    read_run_record,
+    result_without_record,
+)
 from robovast.model.variations.factors import FACTORS, factor_values
 
 _MOST_VALUES = 1_000
 """Most parameters of a run that are columns; more are one column in JSON."""
-COLUMNS = {
-    "config": "VARCHAR",
-    "run": "INTEGER",
-    "entry": "VARCHAR",
-    "id": "BIGINT",
-    "verdict": "VARCHAR",
-    "reason": "VARCHAR",
-    "started_at": "TIMESTAMP",
-    "finished_at": "TIMESTAMP",
-    "duration": "DOUBLE",
-    "exit_code": "BIGINT",
-    "seed": "BIGINT",
-    "attempt": "BIGINT",
-    "job": "VARCHAR",
-    "runtime": "VARCHAR",
-    "image": "VARCHAR",
-    "host": "VARCHAR",
-    "reused_from": "VARCHAR",
-}
-"""Columns of all campaigns with their types; times are UTC, `duration` in seconds."""
 PARAMETER = "param_"
 """Prefix of columns with scenario parameters."""
 FACTOR = "factor_"

@@ -44,7 +44,7 @@ _OWN = (POSTPROCESSING, ".cache", RUNNING)
 
 
 @dataclass(frozen=True)
-class Result:
+class NotebookResult:
     """Result of executing a notebook."""
 
     key: str
@@ -101,7 +101,7 @@ class Runner:
         self._timeout = timeout
         self._cache = cache or cache_folder() / "notebooks"
         self._pool = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="notebook")
-        self._waiting: dict[str, Future[Result]] = {}
+        self._waiting: dict[str, Future[NotebookResult]] = {}
         self._children: set[subprocess.Popen[bytes]] = set()
         self._closed = False
         self._lock = Lock()
@@ -110,14 +110,14 @@ class Runner:
         """Whether a task is in progress or queued."""
         return key in self._waiting
 
-    def kept(self, key: str) -> Result | None:
+    def kept(self, key: str) -> NotebookResult | None:
         """The cached result of a task, or None."""
         try:
             content = read_small(self._cache.resolve(), f"{_checked(key)}/result.json")
         except InputError:
             return None
         data = mapping(parse_json(content))
-        return Result(
+        return NotebookResult(
             key,
             str(data.get("fault", "")),
             float(data.get("seconds", 0)),
@@ -133,7 +133,7 @@ class Runner:
         """
         return read_content(self._cache / _checked(key) / "output.html")
 
-    def execute(self, task: Task, again: bool = False) -> Future[Result]:
+    def execute(self, task: Task, again: bool = False) -> Future[NotebookResult]:
         """Queue a task. Repeated requests share one execution unless it failed.
 
         Args:
@@ -165,7 +165,7 @@ class Runner:
         for child in tuple(self._children):
             child.terminate()
 
-    def _execute(self, task: Task) -> Result:
+    def _execute(self, task: Task) -> NotebookResult:
         with TemporaryDirectory(prefix="robovast-notebook-") as name:
             folder = Path(name)
             request = {
@@ -232,8 +232,8 @@ def _checked(key: str) -> str:
     return key
 
 
-def _done(result: Result) -> Future[Result]:
-    future: Future[Result] = Future()
+def _done(result: NotebookResult) -> Future[NotebookResult]:
+    future: Future[NotebookResult] = Future()
     future.set_result(result)
     return future
 

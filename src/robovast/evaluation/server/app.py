@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import PurePosixPath
 
@@ -53,6 +53,16 @@ from robovast.evaluation.server.live import events
 from robovast.evaluation.server.notebooks import NotebookPages
 from robovast.evaluation.server.preparing import Preparation
 from robovast.evaluation.server.searches import SearchPages
+from robovast.evaluation.server.web_api import (
+    Campaigns,
+    Columns,
+    Compared,
+    Factors,
+    Metrics,
+    MoreRuns,
+    RunAnswer,
+    RunResult,
+)
 from robovast.evaluation.tables import read_table, read_usage
 
 _TYPES = {
@@ -185,11 +195,11 @@ class Pages:
         """
         known = {name: self._library.known(name) for name in self._library.names()}
         return Data(
-            {
-                "results": self._library.place,
-                "campaigns": {name: summary for name, (summary, _) in known.items()},
-                "faults": {name: fault for name, (_, fault) in known.items() if fault},
-            }
+            Campaigns(
+                results=self._library.place,
+                campaigns={name: summary for name, (summary, _) in known.items()},
+                faults={name: fault for name, (_, fault) in known.items() if fault},
+            )
         )
 
     def reading(self, _: Request) -> Response:
@@ -202,15 +212,15 @@ class Pages:
         index = self._library.campaign(name)
         summary = self._library.summary(name)
         return Data(
-            {
-                "summary": summary,
-                "reading": None,
-                "search": summary.is_search,
-                "resume": as_shell(resume_words(self._library.results, summary)),
-                "active": index.active or (),
-                "wider": why_wider(summary),
-                **columns(index.variants, summary.test),
-            }
+            Columns(
+                **vars(columns(index.variants, summary.test)),
+                summary=summary,
+                reading=None,
+                active=index.active or (),
+                search=summary.is_search,
+                resume=as_shell(resume_words(self._library.results, summary)),
+                wider=why_wider(summary),
+            )
         )
 
     def begun(self, request: Request) -> Response:
@@ -219,13 +229,23 @@ class Pages:
         As `campaign` answers, without what is known only of all runs.
         """
         index = self._library.begun(request.path_params["campaign"])
-        reading = index and index.reading
+        reading = None if index is None else index.reading
         if index is None or reading is None:
             return Data(None)
         summary, variants = index.begun()
-        unknown = {"search": False, "resume": "", "more": "", "active": ()}
-        columned = columns(variants) if variants else None
-        return Data(columned and {"summary": summary, "reading": reading, **unknown, **columned})
+        if not variants:
+            return Data(None)
+        return Data(
+            Columns(
+                **vars(columns(variants)),
+                summary=summary,
+                reading=reading,
+                active=(),
+                search=False,
+                resume="",
+                wider="",
+            )
+        )
 
     def about(self, request: Request) -> Response:
         """What a campaign says of itself."""
@@ -235,12 +255,12 @@ class Pages:
     def factors(self, request: Request) -> Response:
         """What a campaign varied, which of it separates failures, and of which version."""
         version, found = self._explanations.of(request.path_params["campaign"])
-        return Data({"version": version, **asdict(found)})
+        return Data(Factors(**vars(found), version=version))
 
     def metrics(self, request: Request) -> Response:
         """Numeric columns of a campaign's tables, by table, and those with one value everywhere."""
         asked = (self._library.results, request.path_params["campaign"])
-        return Data({"columns": metric_columns(*asked), "same": constant_columns(*asked)})
+        return Data(Metrics(metric_columns(*asked), constant_columns(*asked)))
 
     def metric(self, request: Request) -> Response:
         """One number per run from `column` of `table`, by `aggregate`."""
@@ -263,29 +283,15 @@ class Pages:
         runs = next((v.runs for v in index.variants if v.name == names["variant"]), ())
         siblings = [(run.number, run.verdict, run.started_at) for run in runs]
         own = next((run for run in runs if run.number == names["run"]), None)
-        result = own and {
-            "verdict": own.verdict,
-            "reason": found.record.get("reason") or own.reason,  # lists have the beginning of it
-        }
+        result = None
+        if own is not None:  # lists have the beginning of the reason
+            result = RunResult(own.verdict, found.record.get("reason") or own.reason)
         if not self._library.lasts:
             found = replace(found, command="")  # it names files that go with the page
-        return Data(
-            {
-                "version": index.version,
-                "details": found,
-                "siblings": siblings,
-                "result": result,
-            }
-        )
+        return Data(RunAnswer(index.version, found, siblings, result))
 
     def more(self, request: Request) -> Response:
-        """What gives each `config` of a campaign more runs.
-
-        The command is empty for a search, which has batches, and for a campaign of a cluster, of
-        which `cluster` has the parts of one; `planned` are the runs of the one that has the most,
-        those included that are still to come; `widen` says whether that makes intervals wider than
-        they are.
-        """
+        """What gives each `config` of a campaign more runs."""
         index = self._library.campaign(request.path_params["campaign"])
         summary, chosen = self._library.summary(index.name), request.query_params.getlist("config")
         plan = planned_runs(summary.execution)
@@ -295,13 +301,13 @@ class Pages:
         asked = (self._library.results, index.name, index.variants, chosen)
         in_cluster = None if is_here or not chosen else more_in_cluster(*asked)
         return Data(
-            {
-                "version": summary.version,
-                "command": as_shell(words),
-                "cluster": in_cluster,
-                "planned": max(each, default=0),
-                "widen": not why_wider(summary),
-            }
+            MoreRuns(
+                version=summary.version,
+                command=as_shell(words),
+                cluster=in_cluster,
+                planned=max(each, default=0),
+                widen=not why_wider(summary),
+            )
         )
 
     def more_runs(self, request: Request) -> Response:
@@ -345,7 +351,7 @@ class Pages:
         names = request.query_params.getlist("b")
         return Data(
             [
-                {"name": name, "comparison": compare(before, self._library.campaign(name).variants)}
+                Compared(name, compare(before, self._library.campaign(name).variants))
                 for name in names
             ]
         )

@@ -48,6 +48,19 @@ class Starting:
 
 
 @dataclass(frozen=True)
+class Offer:
+    """What can be run from the web UI."""
+
+    document: str | None
+    runs: int
+    """Of each configuration, at most; 0 without a document."""
+    refusal: str
+    """Why no campaign can be started."""
+    repeat: bool
+    """Whether a run can be executed again."""
+
+
+@dataclass(frozen=True)
 class News:
     """News about a task."""
 
@@ -77,12 +90,12 @@ class LaunchPages:
         """The document that can be run, or why there is none; reads only its `runs`."""
         document = self._starting.document
         return Data(
-            {
-                "document": None if document is None else str(document),
-                "runs": None if document is None else _runs(document),
-                "refusal": self._starting.refusal,
-                "repeat": bool(self._starting.program),
-            }
+            Offer(
+                document=None if document is None else str(document),
+                runs=0 if document is None else _runs(document),
+                refusal=self._starting.refusal,
+                repeat=bool(self._starting.program),
+            )
         )
 
     async def expanded(self, _: Request) -> Response:
@@ -90,7 +103,7 @@ class LaunchPages:
         words = expansion_words(self._document())
         async with self._expanding:
             said = await _output([*self._starting.program, *words])
-        return Data(columns([_variant(item) for item in json.loads(said)])["variants"])
+        return Data(columns([_variant(item) for item in json.loads(said)]).variants)
 
     def started(self, request: Request) -> Response:
         """Start the document's campaign."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import shlex
 from concurrent.futures import Future
+from dataclasses import dataclass
 from pathlib import Path
 
 from starlette.concurrency import run_in_threadpool
@@ -13,7 +14,7 @@ from starlette.responses import Response
 
 from robovast.base.errors import InputError
 from robovast.evaluation.library import Library
-from robovast.evaluation.notebooks.runner import Result, Runner, data_key, make_task
+from robovast.evaluation.notebooks.runner import NotebookResult, Runner, data_key, make_task
 from robovast.evaluation.notebooks.workloads import (
     Notebook,
     Target,
@@ -36,6 +37,21 @@ POLICY = "; ".join(
     )
 )
 """Policy for notebook output: any style, but no script, no request and no other origin."""
+
+
+@dataclass(frozen=True)
+class NotebookEntry:
+    """A notebook that can be executed."""
+
+    workload: str
+    path: str
+    command: str
+    """Opens it in Jupyter."""
+    fault: str = ""
+    """Why it cannot be executed."""
+    running: bool = False
+    result: NotebookResult | None = None
+    """Of the last execution with the same data."""
 
 
 class NotebookPages:
@@ -77,25 +93,21 @@ class NotebookPages:
         _ = target.folder  # raises unless it is a results folder
         return target
 
-    def _execute(self, request: Request) -> Future[Result]:
+    def _execute(self, request: Request) -> Future[NotebookResult]:
         target = self._target(request)
         workload = request.query_params.get("workload")
         notebook = find_notebook(target, workload, self._override)
         task = make_task(notebook, target, data_key(target))
         return self._runner.execute(task, again="again" in request.query_params)
 
-    def _entry(self, notebook: Notebook, target: Target, data: str) -> dict[str, object]:
-        entry = {
-            "workload": notebook.workload,
-            "path": notebook.path,
-            "command": self._command(notebook, target),
-        }
+    def _entry(self, notebook: Notebook, target: Target, data: str) -> NotebookEntry:
+        shown = (notebook.workload, str(notebook.path), self._command(notebook, target))
         try:
             key = make_task(notebook, target, data).key
         except InputError as error:
-            return {**entry, "fault": str(error)}
+            return NotebookEntry(*shown, fault=str(error))
         running = self._runner.is_waiting(key)
-        return {**entry, "running": running, "result": self._runner.kept(key)}
+        return NotebookEntry(*shown, running=running, result=self._runner.kept(key))
 
     def _command(self, notebook: Notebook, target: Target) -> str:
         words = ["vast", "evaluation", "notebook", str(target.folder), notebook.workload]

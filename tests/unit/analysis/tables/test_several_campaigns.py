@@ -13,8 +13,8 @@ from support.campaigns.finished import finished_campaign
 
 from robovast.analysis.tables.columnar import update_columnar, write_runs
 from robovast.analysis.tables.query import ask, tables
-from robovast.analysis.tables.runs import COLUMNS
 from robovast.campaign.layout import COLUMNAR_TABLES, Layout
+from robovast.campaign.run_record import COLUMNS
 
 CELLS = st.sampled_from(
     [
