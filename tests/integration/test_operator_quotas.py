@@ -69,6 +69,29 @@ def test_a_completed_job_of_ours_never_blocks_a_quota_of_jobs(
     )
 
 
+def test_a_new_leader_needs_no_room_in_a_quota_for_what_exists(
+    fake_cluster: Cluster, namespace: str, new_operator: NewOperator
+) -> None:
+    """Kubernetes checks quotas before names, so it does not say that an object exists."""
+    first = new_operator("first")
+    first.start()
+    fake_cluster.apply(campaign("few", namespace, 3, 2))
+    eventually(lambda: finished(fake_cluster, namespace, "few"), told=first.told)
+    first.stop()
+    fake_cluster.apply(quota(namespace, configmaps="1"))
+    used = ("get", "resourcequota", "compute", f"--namespace={namespace}")
+    eventually(lambda: fake_cluster.kubectl(*used, "--output=jsonpath={.status.used.configmaps}"))
+    address = "http://127.0.0.2:9"
+    second = new_operator("second", ROBOVAST_S3_ENDPOINT=address, ROBOVAST_STALL_SECONDS="2")
+    second.start()
+    eventually(
+        lambda: status(fake_cluster, namespace, "few").get("endpoint") == address,
+        told=second.told,
+    )
+    assert condition(status(fake_cluster, namespace, "few"), "Stalled")["status"] == "False"
+    assert "exceeded quota" not in second.told()
+
+
 def test_a_limit_range_is_explained_and_the_chart_has_the_value_to_change(
     fake_cluster: Cluster, namespace: str, new_operator: NewOperator
 ) -> None:

@@ -41,6 +41,7 @@ class ApiError(Exception):
         self.reason = reason
         self.terminating = code == 403 and "being terminated" in message
         """Whether the namespace is being deleted."""
+        self.over_quota = code == 403 and "exceeded quota" in message
 
 
 class Api:
@@ -125,7 +126,18 @@ class Api:
         except ApiError as error:
             if error.code == 409 and error.reason == "AlreadyExists":
                 return None
+            # The server checks quotas before names.
+            if error.over_quota and await self._exists(path, obj["metadata"].get("name")):
+                return None
             raise
+
+    async def _exists(self, path: str, name: str | None) -> bool:
+        """Return whether a collection has an object of a name; needs only `list`."""
+        if not name:
+            return False
+        async for _ in self.list(path, fieldSelector=f"metadata.name={name}"):
+            return True
+        return False
 
     async def patch(self, path: str, patch: Object) -> Object | None:
         """Change fields of an object; return None if the object does not exist."""

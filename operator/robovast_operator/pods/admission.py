@@ -18,6 +18,14 @@ OWN_CPU_LIMIT = "500m"
 JOBS = "count/jobs.batch"
 """Resource of a ResourceQuota that counts Jobs."""
 
+_OF_CAMPAIGNS = ("configmaps", ".robovast.io")
+"""Ends of resources whose objects stay until their Campaign is deleted."""
+
+_KEPT = (
+    "Each Campaign keeps such objects until it is deleted. Remove finished Campaigns "
+    "(`vast exec cluster run-cleanup`)"
+)
+
 _MISSING = re.compile(r"failed quota: ([^:\s]+): must specify (.+?)\.?$")
 _EXCEEDED = re.compile(r"exceeded quota: ([^,\s]+), requested: (.+), used: (.+), limited: (\S+)")
 
@@ -101,8 +109,9 @@ def _exceeded(quota: str, requested: str, used: str, limited: str) -> Iterator[s
     for resource, amount in wanted.items():
         yield (
             f"ResourceQuota `{quota}` allows {allowed.get(resource, '?')} of {resource}: "
-            f"{taken.get(resource, '?')} are used, and {amount} more are needed. Wait until other "
-            f"work finishes, or ask your cluster administrator to raise spec.hard.{resource}."
+            f"{taken.get(resource, '?')} are used, and {amount} more are needed. "
+            f"{_KEPT if resource.endswith(_OF_CAMPAIGNS) else 'Wait until other work finishes'}, "
+            f"or ask your cluster administrator to raise spec.hard.{resource}."
         )
 
 

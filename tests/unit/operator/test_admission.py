@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -82,7 +83,21 @@ def test_an_exceeded_quota_is_explained_by_its_numbers() -> None:
     assert counts_jobs(message)
     why = explain(message, {}, NamespaceLimits())
     assert "ResourceQuota `few` allows 1 of count/jobs.batch: 1 are used, and 1 more" in why
+    assert "Wait until other work finishes, or ask" in why
     assert not counts_jobs(message.replace("jobs.batch=", "secrets="))
+
+
+@pytest.mark.parametrize("resource", ["configmaps", "count/configurations.robovast.io"])
+def test_a_quota_of_objects_that_finished_campaigns_keep_is_no_reason_to_wait(
+    resource: str,
+) -> None:
+    message = (
+        f"exceeded quota: few, requested: {resource}=1, used: {resource}=4, limited: {resource}=4"
+    )
+    why = explain(message, {}, NamespaceLimits())
+    assert "Remove finished Campaigns (`vast exec cluster run-cleanup`), or ask" in why
+    assert f"raise spec.hard.{resource}." in why
+    assert "Wait" not in why
 
 
 @given(
