@@ -20,6 +20,7 @@ from robovast_testbed.kubernetes import Cluster
 from support.campaigns.local import make_campaign
 from support.kube.held_runs import HELD, release_until_finished
 from support.kube.lab import (
+    EMBEDDED,
     QUICK,
     ROOT,
     SYSTEM,
@@ -33,6 +34,28 @@ from support.patience import PATIENCE, eventually
 CHART = ROOT / "helm/robovast"
 PROGRAMS = ("kubectl", "vast", "helm")
 RELEASE = ("--namespace", SYSTEM, "--wait", "--timeout", "5m")
+
+HARD = {
+    "requests.cpu": "2",
+    "requests.memory": "4Gi",
+    "limits.cpu": "4",
+    "limits.memory": "8Gi",
+    "pods": "5",
+    "count/jobs.batch": "1",
+    "configmaps": "4",
+    "secrets": "11",
+    "services": "2",
+    "persistentvolumeclaims": "1",
+    "requests.storage": "1Gi",
+}
+"""Of a ResourceQuota: the numbers in the documentation, for one campaign at a time."""
+BOUNDS = {
+    "type": "Container",
+    "min": {"cpu": "20m", "memory": "32Mi"},
+    "max": {"cpu": "1", "memory": "2Gi"},
+    "maxLimitRequestRatio": {"cpu": "4", "memory": "4"},
+}
+"""Of a LimitRange: the one for which the documentation has values."""
 
 
 def commands(notes: str) -> list[str]:
@@ -60,11 +83,29 @@ def shell(installed: Cluster, tmp_path: Path) -> dict[str, str]:
     return {**os.environ, **installed.env, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}"}
 
 
+@pytest.fixture
+def limited(installed: Cluster, tmp_path: Path) -> Iterator[Cluster]:
+    """RoboVAST where all is limited to the needs that the documentation states, with its values."""
+    helm(installed, "uninstall", "robovast", *RELEASE)
+    for kind, spec in (("ResourceQuota", {"hard": HARD}), ("LimitRange", {"limits": [BOUNDS]})):
+        metadata = {"name": "limits", "namespace": SYSTEM}
+        installed.apply({"apiVersion": "v1", "kind": kind, "metadata": metadata, "spec": spec})
+    page = (ROOT / "docs/reference/cluster-requirements.md").read_text()
+    (text,) = re.findall(r"```yaml\n(operator:\n.*?)```", page, re.DOTALL)
+    values = tmp_path / "values.yaml"
+    values.write_text(text)
+    install_chart(installed, CHART, EMBEDDED, values)
+    yield installed
+    for kind in ("resourcequota", "limitrange"):
+        installed.kubectl("delete", kind, "limits", "--namespace", SYSTEM)
+    install(installed)
+
+
 def test_an_admin_who_types_what_the_notes_say_sees_a_first_campaign_to_its_end(
-    installed: Cluster, shell: dict[str, str], tmp_path: Path
+    limited: Cluster, shell: dict[str, str], tmp_path: Path
 ) -> None:
-    """In a namespace in which Pod Security is `restricted`."""
-    notes = helm(installed, "get", "notes", "robovast", "--namespace", SYSTEM)
+    """In a namespace with restricted Pod Security, a quota of everything and a LimitRange."""
+    notes = helm(limited, "get", "notes", "robovast", "--namespace", SYSTEM)
     typed = commands(notes)
     assert [line.split()[1] for line in typed] == [
         "test", "apply", "wait", "get", "results", "logs", "port-forward", "delete",

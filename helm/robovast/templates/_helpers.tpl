@@ -45,6 +45,9 @@ vast:
         - ParameterVariationList: {name: text, values: [hello, world]}
   execution:
     image: {{ .Values.example.image }}
+    {{- with .Values.example.resources }}
+    resources: {{- toYaml . | nindent 6 }}
+    {{- end }}
     scenario_file: scenario.osc
 source:
   inline:

@@ -64,8 +64,17 @@ def install(cluster: Cluster, given: Mapping[str, str] = EMBEDDED) -> None:
     install_chart(cluster, ROOT / "helm/robovast", given)
 
 
-def install_chart(cluster: Cluster, chart: Path, given: Mapping[str, str] = EMBEDDED) -> None:
-    """Install or upgrade from a chart, with images that the cluster's node has."""
+def install_chart(
+    cluster: Cluster, chart: Path, given: Mapping[str, str] = EMBEDDED, *files: Path
+) -> None:
+    """Install or upgrade from a chart, with images that the cluster's node has.
+
+    Args:
+        cluster: to install in.
+        chart: the chart.
+        given: further values.
+        files: files with further values.
+    """
     values = {
         "operator.image": images.AGENT,
         "agent.image": images.AGENT,
@@ -77,7 +86,7 @@ def install_chart(cluster: Cluster, chart: Path, given: Mapping[str, str] = EMBE
     helm(
         cluster,
         *("upgrade", "--install", "robovast", chart, "--namespace", SYSTEM),
-        *("--wait", "--timeout", "5m", *words),
+        *("--wait", "--timeout", "5m", *words, *(f"--values={path}" for path in files)),
     )
 
 
