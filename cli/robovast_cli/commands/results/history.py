@@ -43,9 +43,9 @@ def history(
 ) -> None:
     """Show the failure rate of a configuration in each campaign.
 
-    The oldest campaign is listed first, and each campaign with the inputs that changed: image,
-    environment, RoboVAST version, seed, parameters, scenario, .vast file, and other files of the
-    campaign and the configuration.
+    Lists the oldest campaign first, and shows which inputs changed in each campaign. Inputs are the
+    image, environment, RoboVAST version, seed, parameters, scenario, .vast file, and other files of
+    the campaign and the configuration.
 
     A configuration is recognized by its parameters, even under another name. Without parameters,
     it is recognized by its name.

@@ -28,8 +28,9 @@ def junit(
 ) -> None:
     """Merge the test results of all runs into one JUnit report.
 
-    Each configuration is a suite, and each test of each run is a case. If the report of a run lacks
-    its verdict, a case is added: an error, or skipped if the run was interrupted.
+    Each configuration is a suite, and each test of each run is a case. If a run has no report, or
+    its report contradicts its verdict, the run is one case with the verdict. An interrupted run is
+    a skipped case.
     """
     from robovast.base.atomic import write_report
     from robovast.base.errors import InputError

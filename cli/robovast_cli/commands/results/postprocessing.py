@@ -113,6 +113,4 @@ def _outcome(summary: CampaignSummary) -> str:
 def print_commands() -> None:
     """Print all installed commands, with an error for each that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
-    typer.echo(
-        "\nTo use a command in a file, write `<path>.py:<name>` (docs/reference/postprocessing.md)."
-    )
+    typer.echo("\nTo use a command in a file, write `<path>.py:<name>`.")

@@ -45,9 +45,9 @@ def publish(
 ) -> int:
     """Pack and publish results as configured in the .vast file.
 
-    The configuration is in `results_processing.publication`. The campaigns are postprocessed first.
-    Then the plugins that pack run, and then the plugins that upload. The command stops at the first
-    plugin that fails.
+    The configuration is in `results_processing.publication`. First, the campaigns are
+    postprocessed. Then packing plugins run, and uploading plugins last. The command stops at the
+    first plugin that fails.
     """
     from robovast_cli.commands.results.publishing import Choice, publish_campaigns
 

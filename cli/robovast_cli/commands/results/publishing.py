@@ -56,7 +56,7 @@ def publish_campaigns(results: Path, choice: Choice) -> ExitCode:
 def print_plugins() -> None:
     """Print all installed plugins, with an error for each that cannot be loaded."""
     typer.echo(described_plugins(GROUP, _GIVEN))
-    typer.echo("\nTo use a plugin in a file, write `<path>.py:<name>` (docs/how-to/publish.md).")
+    typer.echo("\nTo use a plugin in a file, write `<path>.py:<name>`.")
 
 
 def _postprocess(campaigns: list[Path], choice: Choice) -> ExitCode:

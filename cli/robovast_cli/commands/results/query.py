@@ -44,8 +44,8 @@ def query(
     """Query the tables of campaigns with SQL.
 
     The table `runs` has a row for each run with its parameters (`param_…`), factors (`factor_…`),
-    verdict, times and metrics. Each name of a CSV file of the runs is a separate table. Queries
-    cannot change data. A query has no time limit. Ctrl-C stops it.
+    verdict, times and metrics. All CSV files with the same name form one table. Queries cannot
+    change data. A query has no time limit. Ctrl-C stops it.
 
     --bucket downloads only the parts of the tables that the query needs. All runs must have
     finished. Tables other than `runs` exist only if the cluster has postprocessed the results.

@@ -72,10 +72,10 @@ def search(
     The search may still be running. `critical` and `map` require the strategy `boundary`. `archive`
     requires the strategy `qd`.
 
-    At the critical value of a parameter, the failure rate crosses the level while the other
-    parameters are constant. `above` is the expected result above this value. `crossing` is the
-    probability of a crossing. `open` lists the ends of the interval that are ends of the space. The
-    critical value may be outside the space there.
+    At the critical value of a parameter, the failure rate crosses the `level` of the strategy while
+    the other parameters are constant. `above` is the expected result above this value. `crossing`
+    is the probability of a crossing. `open` lists the ends of the interval that are on the border
+    of the search space. At these ends, the critical value may be outside the space.
     """
     from robovast.base.errors import InputError
     from robovast_cli.commands.results.options import named_campaign

@@ -38,8 +38,9 @@ def list_share(
     """List the campaigns on the file share.
 
     The column LOCAL shows whether the campaign exists in the results folder. ROBOVAST_SHARE_TYPE
-    and the variables of its type describe the file share. Set them in the environment or in a
-    `.env` file in this folder or above. docs/how-to/publish.md lists all variables.
+    (nextcloud, webdav, sftp or gcs) and the variables of its type describe the file share. Set them
+    in the environment or in a `.env` file in this folder or above. The documentation lists the
+    variables on the page "Publish, merge, import and share results".
     """
     from robovast.storage.shares.campaigns import open_share
     from robovast_cli.ui.table import format_table

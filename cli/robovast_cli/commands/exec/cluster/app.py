@@ -436,8 +436,8 @@ def resume(
         typer.Option(
             min=1,
             metavar="N",
-            help="For a search, also a finished one: stop after N batches in total, regardless of "
-            "its `budget` and `stopping`.",
+            help="Total number of batches after which a search stops, instead of its `budget` and "
+            "`stopping`. Extends a finished search also.",
         ),
     ] = None,
     context: Context = None,
@@ -539,9 +539,11 @@ def upload_to_share(
 ) -> int:
     """Upload results of finished campaigns to the remote file share.
 
-    The upload runs in the cluster; Ctrl-C stops only the display. ROBOVAST_SHARE_TYPE and the
-    variables of this type configure the file share, in the environment or in a `.env` file in
-    this folder or above. docs/how-to/publish.md lists the variables. Existing archives are kept.
+    The upload runs in the cluster. Ctrl-C stops only the display. Existing archives are kept.
+
+    ROBOVAST_SHARE_TYPE (nextcloud, webdav, sftp or gcs) and the variables of its type describe the
+    file share. Set them in the environment or in a `.env` file in this folder or above. The
+    documentation lists the variables on the page "Publish, merge, import and share results".
     """
     from robovast_cli.commands.exec.cluster.share import How, upload_to_share
 
