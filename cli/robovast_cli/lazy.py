@@ -1,14 +1,14 @@
-"""Typer apps whose commands are imported when they are used: `--help` shows them without.
+"""Typer apps whose commands are imported when they are used, not by `--help` of their group.
 
 docs/contributing/style.md has the form of a command's help. The first line of the docstring is the
 summary and equals the line in the table of its group. `examples` adds at least two examples:
 
-    @app.command(epilog="Exit codes: 0 all passed · 1 a run failed")
+    @exit_codes("0 all passed · 1 a run failed")
     @examples(
         ("vast view results/hall-2026-03-04-152130/hall-1/0", "Play a run"),
         ("vast view results/hall-2026-03-04-152130/hall-1/0 -p 8000", "Use port 8000"),
     )
-    def view(...) -> None:
+    def view(...) -> int | None:
         ...  # with a docstring
 """
 
@@ -34,29 +34,33 @@ AnyFunction = TypeVar("AnyFunction", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class Lazy:
-    """A command or group in a module of its own."""
+    """A command or group, imported when it is used."""
 
     target: str
-    """`module:app`, where `app` is a Typer app."""
+    """Module of a command, below the package of the group above. `module:name` names the function
+    of the command (default: as the command), or the Typer app of a group."""
     help: str
     """Line in the help of the group above."""
     aliases: tuple[str, ...] = ()
     """Further names, not shown in the help."""
     section: str = "Commands"
     """Heading in the help of the group above."""
+    hidden: bool = False
+    """Whether the help of the group above omits it."""
 
 
 class LazyCommand(TyperCommand):
-    """Stands for a command until it is used."""
+    """Represents a command until it is used."""
 
-    def __init__(self, name: str, entry: Lazy, *, hidden: bool = False) -> None:
+    def __init__(self, name: str, entry: Lazy, target: str, *, hidden: bool) -> None:
         super().__init__(name, help=entry.help, short_help=entry.help, hidden=hidden)
-        self._target = entry.target
+        self._target = target
 
     def load(self) -> Any:
-        """The command itself."""
-        module, _, attribute = self._target.partition(":")
-        command = get_command(getattr(import_module(module), attribute))
+        """Import the command."""
+        module, _, name = self._target.partition(":")
+        found = getattr(import_module(module), name)
+        command = get_command(found if isinstance(found, typer.Typer) else _app_of(found))
         return refuse_contexts(normalize_paths(name_values(command)))
 
     def make_context(
@@ -64,6 +68,12 @@ class LazyCommand(TyperCommand):
     ) -> Any:
         """The context of the real command, which replaces this one."""
         return self.load().make_context(info_name, args, parent=parent, **extra)
+
+
+def _app_of(function: Callable[..., Any]) -> typer.Typer:
+    app = new_app("")
+    app.command(epilog=getattr(function, "epilog", None))(function)
+    return app
 
 
 def paths_of(name: str, group: Any, path: str) -> Iterator[str]:
@@ -81,7 +91,7 @@ def examples(*lines: tuple[str, str]) -> Callable[[AnyFunction], AnyFunction]:
     """Add examples to the help of a command, which keeps their line breaks.
 
     Args:
-        lines: commands and their effects. Write it below `@app.command()`.
+        lines: commands and their effects.
     """
     column = max(len(call) for call, _ in lines) + 2
     if any(column + len(effect) + 2 > WIDTH for _, effect in lines):
@@ -92,6 +102,16 @@ def examples(*lines: tuple[str, str]) -> Callable[[AnyFunction], AnyFunction]:
 
     def add(command: AnyFunction) -> AnyFunction:
         command.__doc__ = f"{cleandoc(command.__doc__ or '')}\n\n{block}"
+        return command
+
+    return add
+
+
+def exit_codes(text: str) -> Callable[[AnyFunction], AnyFunction]:
+    """Add a line with the exit codes to the end of the help of a command."""
+
+    def add(command: AnyFunction) -> AnyFunction:
+        command.epilog = f"Exit codes: {text}"  # type: ignore[attr-defined]
         return command
 
     return add
@@ -108,20 +128,21 @@ def new_app(help_text: str, **settings: Any) -> typer.Typer:
     return typer.Typer(help=help_text, **{**common, **settings})
 
 
-def new_group(help_text: str, table: Mapping[str, Lazy]) -> typer.Typer:
-    """A Typer app made of lazy commands alone."""
+def new_group(help_text: str, package: str, table: Mapping[str, Lazy]) -> typer.Typer:
+    """Return a Typer app that has only lazy commands, whose modules are in a package."""
 
     class Group(TyperGroup):
         def __init__(self, **attributes: Any) -> None:
             super().__init__(**attributes)
-            add_lazy(self, table)
+            add_lazy(self, package, table)
 
         def format_commands(self, ctx: Any, formatter: Any) -> None:
             """List the commands below the headings of the table."""
             del ctx
-            column = max(map(len, table))
-            for heading in dict.fromkeys(entry.section for entry in table.values()):
-                rows = [(f"{n:{column}}", e.help) for n, e in table.items() if e.section == heading]
+            shown = {name: entry for name, entry in table.items() if not entry.hidden}
+            column = max(map(len, shown))
+            for heading in dict.fromkeys(entry.section for entry in shown.values()):
+                rows = [(f"{n:{column}}", e.help) for n, e in shown.items() if e.section == heading]
                 with formatter.section(heading):
                     formatter.write_dl(rows)
 
@@ -131,12 +152,14 @@ def new_group(help_text: str, table: Mapping[str, Lazy]) -> typer.Typer:
 
 
 def _nothing() -> None:
-    """A group does nothing by itself."""
+    """Do nothing, because a group only has commands."""
 
 
-def add_lazy(group: TyperGroup, table: Mapping[str, Lazy]) -> None:
+def add_lazy(group: TyperGroup, package: str, table: Mapping[str, Lazy]) -> None:
     """Add the commands of a table, each under its short name and its aliases."""
     for name, entry in table.items():
-        group.add_command(LazyCommand(name, entry))
+        module, _, own = entry.target.partition(":")
+        target = f"{package}.{module}:{own or name.replace('-', '_')}"
+        group.add_command(LazyCommand(name, entry, target, hidden=entry.hidden))
         for alias in entry.aliases:
-            group.add_command(LazyCommand(alias, entry, hidden=True))
+            group.add_command(LazyCommand(alias, entry, target, hidden=True))

@@ -19,43 +19,41 @@ from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
     "init": Lazy(
-        "robovast_cli.commands.init:app",
+        "init",
         "Create a project file that names the .vast file.",
     ),
     "config": Lazy(
-        "robovast_cli.commands.config.app:app",
+        "config.app:app",
         "List, generate and check configurations.",
         aliases=("configuration",),
     ),
-    "exec": Lazy("robovast_cli.commands.exec.app:app", "Run campaigns.", aliases=("execution",)),
-    "replay": Lazy(
-        "robovast_cli.commands.replay:app", "Run a stored run again and compare the results."
-    ),
+    "exec": Lazy("exec.app:app", "Run campaigns.", aliases=("execution",)),
+    "replay": Lazy("replay", "Run a stored run again and compare the results."),
     "minimise": Lazy(
-        "robovast_cli.commands.minimise:app",
+        "minimise",
         "Reduce the parameters of a failed run.",
     ),
     "results": Lazy(
-        "robovast_cli.commands.results.app:app",
+        "results.app:app",
         "Download, process, analyze and share results.",
     ),
     "evaluation": Lazy(
-        "robovast_cli.commands.evaluation.app:app",
+        "evaluation.app:app",
         "Browse results in the web UI and in notebooks.",
         aliases=("eval",),
     ),
-    "view": Lazy("robovast_cli.commands.view:app", "Play back the recording of a run."),
-    "mcp": Lazy("robovast_cli.commands.mcp:app", "Start an MCP server for AI assistants."),
+    "view": Lazy("view", "Play back the recording of a run."),
+    "mcp": Lazy("mcp", "Start an MCP server for AI assistants."),
     "import-results": Lazy(
-        "robovast_cli.commands.results.import_results:app",
+        "results.import_results",
         "Import a campaign from an archive.",
     ),
     "install-completion": Lazy(
-        "robovast_cli.commands.completion:app",
+        "completion:install_completion",
         "Install command completion for your shell.",
     ),
 }
-"""Commands and groups of `vast`; a further group needs one line here and a module."""
+"""Commands and groups of `vast`; another command needs one line here and a module."""
 
 
 class Root(TyperGroup):
@@ -63,7 +61,7 @@ class Root(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        add_lazy(self, COMMANDS)
+        add_lazy(self, "robovast_cli.commands", COMMANDS)
 
     @cached_property
     def plugins(self) -> Mapping[str, Any]:

@@ -34,7 +34,7 @@ from robovast.model.packs import PlanSpec, first_blocks
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 from robovast_cli.commands.exec.cluster import run as cluster_run
-from robovast_cli.commands.exec.cluster import share_jobs
+from robovast_cli.commands.exec.cluster import upload_jobs
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import UnreachableError
 from robovast_cli.kube.status import CampaignState
@@ -970,7 +970,7 @@ def shared(
         monkeypatch.setenv("ROBOVAST_WEBDAV_URL", f"http://{address}")
         monkeypatch.setenv("ROBOVAST_WEBDAV_USER", USER)
         monkeypatch.setenv("ROBOVAST_WEBDAV_PASSWORD", PASSWORD)
-        monkeypatch.setattr(share_jobs, "INTERVAL", 0.2)
+        monkeypatch.setattr(upload_jobs, "INTERVAL", 0.2)
         yield tmp_path / "share"
 
 

@@ -47,7 +47,7 @@ def test_setup_installs_the_chart_and_cleanup_removes_it(
     control_plane: Cluster, namespace: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for _ in range(2):
-        cluster_setup.setup("generic", IDLE, None, namespace, force=False)
+        cluster_setup.setup("generic", option=IDLE, namespace=namespace)
     assert "hidden" not in capsys.readouterr().out
     assert values(control_plane, namespace) == {
         "accessKey": "someone",
@@ -57,7 +57,7 @@ def test_setup_installs_the_chart_and_cleanup_removes_it(
     deployments: Any = control_plane.get("deployments", f"--namespace={namespace}")["items"]
     assert [item["spec"]["replicas"] for item in deployments] == [0]
     with pytest.raises(CannotRunError, match=r"`generic`.*--force"):
-        cluster_setup.setup("rke2", IDLE, None, namespace, force=False)
+        cluster_setup.setup("rke2", option=IDLE, namespace=namespace)
 
     campaign = {
         "apiVersion": "robovast.io/v1beta1",
@@ -67,13 +67,13 @@ def test_setup_installs_the_chart_and_cleanup_removes_it(
     }
     control_plane.kubectl("create", "--filename=-", stdin=json.dumps(campaign))
     with pytest.raises(CannotRunError, match="waiting"):
-        cluster_setup.cleanup(None, namespace, force=False)
-    cluster_setup.cleanup(None, namespace, force=True)
+        cluster_setup.cleanup(namespace=namespace)
+    cluster_setup.cleanup(force=True, namespace=namespace)
     left: Any = control_plane.get("deployments", f"--namespace={namespace}")["items"]
     assert left == []
     assert control_plane.get("campaign", "waiting", f"--namespace={namespace}")
     with pytest.raises(CannotRunError, match="not installed"):
-        cluster_setup.cleanup(None, namespace, force=False)
+        cluster_setup.cleanup(namespace=namespace)
 
 
 def test_a_server_of_ones_own_needs_credentials(
@@ -81,4 +81,4 @@ def test_a_server_of_ones_own_needs_credentials(
 ) -> None:
     monkeypatch.delenv("ROBOVAST_S3_SECRET_KEY")
     with pytest.raises(InputError, match="ROBOVAST_S3_SECRET_KEY"):
-        cluster_setup.setup("generic", IDLE, None, namespace, force=False)
+        cluster_setup.setup("generic", option=IDLE, namespace=namespace)

@@ -13,14 +13,11 @@ from typer.completion import (  # type: ignore[attr-defined]  # documented, not 
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import InputError
 from robovast.base.file_errors import read_text, writing
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Install command completion for your shell.")
+from robovast_cli.lazy import examples
 
 Shell = Literal["bash", "zsh", "fish"]
 
 
-@app.command()
 @examples(
     ("vast install-completion", "Use the shell in $SHELL"),
     ("vast install-completion zsh", "Install completion for zsh"),

@@ -6,13 +6,10 @@ from typing import Annotated, Literal
 import typer
 
 from robovast.model.project import create_project
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 from robovast_cli.workspace import shown
 
-app = new_app("Create a project file that names the .vast file.")
 
-
-@app.command()
 @examples(
     ("vast init robot.vast", "Use robot.vast in this folder and below"),
     ("vast init robot.vast -r /data/results --force", "Replace the project file"),

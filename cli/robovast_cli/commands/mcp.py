@@ -10,15 +10,12 @@ import typer
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import MCP
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
 
 TOKEN = "ROBOVAST_MCP_TOKEN"  # noqa: S105  # the variable's name
 
-app = new_app("Start an MCP server for AI assistants.")
 
-
-@app.command()
 @examples(
     ("claude mcp add robovast -- vast mcp -r results", "Register the server in Claude Code"),
     ("vast mcp -r results", "Serve over stdio"),

@@ -9,12 +9,10 @@ import typer
 
 from robovast_cli.commands.replay import Image, Out, Runtime, brought_here
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Reduce the parameters of a failed run.")
+from robovast_cli.lazy import examples, exit_codes
 
 
-@app.command(epilog="Exit codes: 0 reduced, or the budget is used up · 130 interrupted")
+@exit_codes("0 reduced, or the budget is used up · 130 interrupted")
 @examples(
     ("vast minimise results/hall-2026-03-04-152130/hall-1/0", "Reduce a failure"),
     ("vast minimise results/hall-2026-03-04-152130/hall-1/0 --budget 100", "Use fewer runs"),

@@ -10,7 +10,7 @@ import typer
 from robovast.base.errors import InputError
 from robovast.model.naming import is_run_number
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples, exit_codes
 
 Runtime = Annotated[
     Literal["same", "docker", "podman", "process"],
@@ -31,10 +31,8 @@ Out = Annotated[
     ),
 ]
 
-app = new_app("Run a stored run again and compare the results.")
 
-
-@app.command(epilog="Exit codes: 0 all re-runs match · 1 a re-run differs · 130 interrupted")
+@exit_codes("0 all re-runs match · 1 a re-run differs · 130 interrupted")
 @examples(
     ("vast replay results/hall-2026-03-04-152130/hall-1/0", "Run it again"),
     ("vast replay results/hall-2026-03-04-152130/hall-1/0 --times 10", "Check for nondeterminism"),
@@ -101,10 +99,7 @@ def brought_here(run: Path, out: Path, context: str | None, namespace: str | Non
                 hint=f"remove {option}{times}",
             )
         return run
-    from robovast.base.optional_deps import CLUSTER
-
-    with CLUSTER.needed_by("Access to a cluster"):
-        from robovast_cli.commands.results.downloading import download_run
+    from robovast_cli.commands.results.download import download_run
 
     return download_run(context, namespace, str(run), out / "originals")
 

@@ -12,15 +12,12 @@ from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import ROS
 from robovast.model.naming import is_run_number
 from robovast_cli.commands.evaluation.gui import NoBrowser, Port, make_starting, present, serving
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
 
 PLAYER = "robovast.evaluation.drive.drives"
 
-app = new_app("Play back the recording of a run.")
 
-
-@app.command()
 @examples(
     ("vast view results/hall-2026-03-04-152130/hall-1/0", "Play back in the web UI"),
     ("vast view results/hall-2026-03-04-152130/hall-1/0 --rerun", "Play back in Rerun"),

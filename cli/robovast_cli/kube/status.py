@@ -6,13 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import ExitCode, InputError
 from robovast.base.printable import printable
 from robovast.kubeapi.resources import Scheduling, Storage
 from robovast.kubeapi.status import CampaignStatus, Condition, SearchStatus, read_status
 from robovast.storage.bucket_names import bucket_name, campaign_id
+
+if TYPE_CHECKING:
+    from robovast_cli.kube.api import Kubernetes
 
 BEGINNING = datetime.fromtimestamp(0, UTC)
 
@@ -239,6 +242,11 @@ def _found(search: SearchStatus) -> Iterator[str]:
         yield f"The search stopped: {printable(search.stop_reason)}."
     if search.best:
         yield f"Best: {printable(search.best)}"
+
+
+def campaign_states(kube: Kubernetes) -> list[CampaignState]:
+    """Return all Campaigns of the namespace, the oldest first."""
+    return [CampaignState(item) for item in kube.campaigns()]
 
 
 def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:

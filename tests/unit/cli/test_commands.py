@@ -13,8 +13,8 @@ import pytest
 
 from robovast import __version__
 from robovast.base.errors import StorageError
+from robovast_cli.commands.config import listing
 from robovast_cli.main import COMMANDS
-from robovast_cli.ui import listing
 
 
 def test_help_names_every_command_once_and_no_alias(vast) -> None:
@@ -50,7 +50,7 @@ def test_help_imports_no_command_and_nothing_heavy() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("module", ["local", "cluster.app"])
+@pytest.mark.parametrize("module", ["local", "cluster.run"])
 def test_only_what_talks_to_a_cluster_imports_its_client(module: str) -> None:
     arguments = ["exec", module.partition(".")[0], "run", "--help"]
     script = (

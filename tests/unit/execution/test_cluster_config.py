@@ -110,7 +110,7 @@ def test_prepared_files_hold_no_credentials(
     options = ["s3_endpoint=https://s3.example.org", "operator.replicas=2"]
     out = tmp_path / "out"
     for _ in range(2):
-        cluster_setup.prepare_setup("generic", options, out, "lab")
+        cluster_setup.prepare_setup(out, "generic", options, "lab")
     texts = {p.relative_to(out): p.read_text() for p in out.rglob("*") if p.is_file()}
     assert not any("hidden" in text for text in texts.values())
     assert "replicas: 2" in texts[Path("values.yaml")]

@@ -1,11 +1,11 @@
-"""Configurations as entries with fixed parameters: written to a file, added to a .vast file."""
+"""`vast config export-configs` and `import-configs`: entries with fixed parameters."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 import yaml
@@ -23,13 +23,50 @@ from robovast.model.document.loader import Document, check_source
 from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, select_any
 from robovast.model.scenario import Scenario, read_scenario
+from robovast_cli.lazy import examples
 from robovast_cli.ui.expanding import expanded
 from robovast_cli.ui.output import asked
 from robovast_cli.ui.report import tell
+from robovast_cli.ui.table import counted
 from robovast_cli.workspace import shown
 
+_DOCUMENTS = {".vast", ".yaml", ".yml"}
 
-def export_entries(document: Document, patterns: Sequence[str], output: Path | None) -> None:
+
+@examples(
+    ("vast config export-configs hall-3 failed.yaml", "Export one configuration to a file"),
+    ("vast config export-configs 'hall-*' -o failed.yaml", "Export a selection"),
+)
+def export_configs(
+    ctx: typer.Context,
+    patterns: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="PATTERN",
+            help="Names or globs of configurations. The last one may be the output file "
+            "(`*.vast`, `*.yaml`, `*.yml`).",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Output file (default: stdout)."),
+    ] = None,
+    source: Annotated[
+        Path | None,
+        typer.Option("--input", metavar="VAST_FILE", help="Same as `vast -V`.", show_default=False),
+    ] = None,
+) -> None:
+    """Export configurations with fixed parameters.
+
+    `vast config import-configs` adds them to another .vast file, in order to run them again.
+    """
+    if output is None and len(patterns) > 1 and Path(patterns[-1]).suffix in _DOCUMENTS:
+        output = Path(patterns.pop())
+    ctx.obj.vast_file = source or ctx.obj.vast_file
+    _export(ctx.obj.document(), patterns, output)
+
+
+def _export(document: Document, patterns: Sequence[str], output: Path | None) -> None:
     """Write the configurations that match any of the patterns, in the document's order.
 
     Raises:
@@ -48,20 +85,27 @@ def export_entries(document: Document, patterns: Sequence[str], output: Path | N
         output.unlink()
     with writing(output), output.open("x", encoding="utf-8") as file:
         file.write(text)
-    typer.echo(f"Wrote {_counted(entries)} to {output}.")
+    typer.echo(f"Wrote {counted(len(entries), 'configuration')} to {output}.")
 
 
-def import_entries(target: Path, source: Path) -> None:
-    """Append the entries of a source to the `configuration` list of a .vast file.
+@examples(
+    ("vast -V robot.vast config import-configs failed.yaml", "Add exported configurations"),
+    ("vast config import-configs results/hall-2026-03-04-152130", "Add its configurations"),
+)
+def import_configs(
+    ctx: typer.Context,
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOURCE", help="Exported configurations, a .vast file or a campaign."
+        ),
+    ],
+) -> None:
+    """Add exported configurations to the .vast file.
 
-    Each is expanded by itself before; invalid ones are reported and skipped.
-
-    Raises:
-        InputError: nothing to import, a name that exists already or that a variation creates, or a
-            target whose text cannot be extended.
-        DocumentError: the target is wrong, or would be with all of them.
-        StorageError: the target cannot be written.
+    Existing text and comments are not modified.
     """
+    target: Path = ctx.obj.path
     document = load_document(target)
     given = _read_entries(source, read_scenario(document.scenario))
     _refuse_known(document, given)
@@ -77,7 +121,7 @@ def import_entries(target: Path, source: Path) -> None:
         mode = target.stat().st_mode
         write_atomically(target.resolve(), text)
         target.chmod(mode)
-    typer.echo(f"Added {_counted(entries)} to {shown(target)}.")
+    typer.echo(f"Added {counted(len(entries), 'configuration')} to {shown(target)}.")
 
 
 def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
@@ -203,7 +247,3 @@ def _entry(variant: Variant) -> dict[str, Any]:
         {name: value} for name, value in variant.parameters.items() if not name.startswith("_")
     ]
     return {"name": variant.name, **({"parameters": parameters} if parameters else {})}
-
-
-def _counted(entries: Sequence[Any]) -> str:
-    return "1 configuration" if len(entries) == 1 else f"{len(entries)} configurations"

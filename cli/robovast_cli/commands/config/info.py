@@ -1,4 +1,4 @@
-"""Output of `vast config info`, `variation-types` and `variation-points`."""
+"""`vast config info`, `check`, `schema`, `variation-types` and `variation-points`."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from robovast.model.document import Document
 from robovast.model.document.execution import Execution, Resources
 from robovast.model.document.gpus import check_gpus
 from robovast.model.document.model import ConfigurationEntry
+from robovast.model.document.schema import schema_text
 from robovast.model.document.source import KeyPath
 from robovast.model.expansion import Variant
 from robovast.model.expansion.designed import design_sizes
@@ -34,18 +35,24 @@ from robovast.model.quantities import (
     parse_memory_limit,
 )
 from robovast.model.scenario import read_scenario
+from robovast_cli.commands.config.listing import runs_of_each
+from robovast_cli.lazy import examples
 from robovast_cli.plugins import origin
 from robovast_cli.ui.expanding import expanded
-from robovast_cli.ui.listing import runs_of_each
 from robovast_cli.ui.report import message_of, tell
-from robovast_cli.ui.table import format_table
+from robovast_cli.ui.table import counted, format_table
 
 MOST_ERRORS = 20
 """Errors of entries that a check reports at most."""
 
 
-def print_summary(document: Document) -> None:
-    """Print what a document runs, and how."""
+@examples(
+    ("vast config info", "Summarize the .vast file of the project"),
+    ("vast -V robot.vast config info", "Summarize robot.vast"),
+)
+def info(ctx: typer.Context) -> None:
+    """Summarize the campaign that the .vast file describes."""
+    document = ctx.obj.document()
     with expanded(document) as variants:
         entries = _entries(document, variants)
     pairs = [[name, value] for name, value in _facts(document) if value]
@@ -55,13 +62,16 @@ def print_summary(document: Document) -> None:
         typer.echo(line)
 
 
-def print_check(document: Document) -> None:
-    """Check all of a document that was read, and report that it is valid.
+@examples(
+    ("vast config check", "Check the .vast file of the project"),
+    ("vast -V robot.vast config check", "Check robot.vast"),
+)
+def check(ctx: typer.Context) -> None:
+    """Check the .vast file, and warn about keys without effect.
 
-    Raises:
-        InputError: it cannot be expanded, or an amount is invalid.
-        CannotRunError: this machine lacks something that it needs.
+    Also lists differences from the original RoboVAST that affect the file.
     """
+    document = ctx.obj.document(parse_scenario=False)
     for difference in differences(document):
         typer.echo(f"differs from the original RoboVAST: {difference}", err=True)
     errors: list[RobovastError] = []
@@ -78,11 +88,8 @@ def print_check(document: Document) -> None:
             with _noted(errors):
                 _count(_alone(document, entry))
         _raise_all(errors)
-    warnings = len(document.warnings)
-    told = "" if not warnings else f", {warnings} warning{'s' if warnings > 1 else ''}"
-    file = document.source.file
-    many = "1 configuration" if count == 1 else f"{count} configurations"
-    typer.echo(f"{file}: valid, {many}{told}")
+    warnings = f", {counted(len(document.warnings), 'warning')}" if document.warnings else ""
+    typer.echo(f"{document.source.file}: valid, {counted(count, 'configuration')}{warnings}")
 
 
 @contextmanager
@@ -149,17 +156,34 @@ def _wrong_amounts(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:
             yield str(error)
 
 
-def print_variation_points(document: Document) -> None:
-    """Print the parameters of the scenario."""
-    scenario = read_scenario(document.scenario)
+@examples(
+    ("vast config variation-points", "List parameters of the project's scenario"),
+    ("vast -V robot.vast config variation-points", "List parameters of the scenario of robot.vast"),
+)
+def variation_points(ctx: typer.Context) -> None:
+    """List the scenario parameters that variations can set."""
+    scenario = read_scenario(ctx.obj.document().scenario)
     rows = [[p.name, p.type, _text(p.default_text)] for p in scenario.parameters]
     typer.echo(format_table(["PARAMETER", "TYPE", "DEFAULT"], rows), nl=False)
 
 
-def print_variation_types() -> None:
-    """Print all installed variation types; errors are shown for those that cannot be loaded."""
+@examples(
+    ("vast config variation-types", "List all types with their parameters"),
+    ("vast config variation-types | less", "Show the list page by page"),
+)
+def variation_types() -> None:
+    """List the installed variation types and their parameters."""
     blocks = (_variation_type(point) for point in sorted(_variation_points(), key=_name))
     typer.echo("\n\n".join("\n".join(lines) for lines in blocks))
+
+
+@examples(
+    ("vast config schema", "Print the schema"),
+    ("vast config schema > vast.schema.json", "Write the schema to a file"),
+)
+def schema() -> None:
+    """Print the JSON Schema of .vast files, for editors."""
+    typer.echo(schema_text(), nl=False)
 
 
 def _facts(document: Document) -> Iterator[tuple[str, str]]:

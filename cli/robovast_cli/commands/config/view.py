@@ -1,9 +1,9 @@
-"""`vast config view`: draws each configuration that has a map."""
+"""`vast config view`: draw each configuration that has a map."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -11,34 +11,42 @@ from robovast.base.errors import InputError
 from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.base.optional_deps import NAV
 from robovast.model.document import Document
-from robovast.model.expansion import Selection, Variant, select_any
+from robovast.model.expansion import Variant, select_any
 from robovast.model.naming import CONFIG_MOUNT
 from robovast.navigation.base import RECORD
+from robovast_cli.lazy import examples
 from robovast_cli.ui.expanding import expanded
+from robovast_cli.ui.table import counted
 from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
 Format = Literal["svg", "png"]
 
 
-def write_pictures(document: Document, selection: Selection, out: Path, kind: Format) -> None:
-    """Write `OUT/<configuration>.<kind>` for each configuration with a map.
-
-    Args:
-        document: a checked document.
-        selection: names or globs of configurations; all when there is none.
-        out: folder; made when it does not exist.
-        kind: format of the pictures.
-
-    Raises:
-        InputError: no configuration has a map.
-        StorageError: the folder cannot be written.
-    """
+@examples(
+    ("vast config view drawings", "Draw all configurations"),
+    ("vast config view drawings -c 'hall-*' --format png", "Draw a selection as PNG"),
+)
+def view(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder for the images.")],
+    config: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-c",
+            "--config",
+            metavar="NAME|GLOB",
+            help="Select configurations by name, entry or glob (repeatable).",
+            show_default=False,
+        ),
+    ] = None,
+    format_: Annotated[Format, typer.Option("--format", help="Image format.")] = "svg",
+) -> None:
+    """Draw the map, start, goals, path and obstacles of configurations."""
+    document = ctx.obj.document()
     with expanded(document) as variants, working("Drawing") as tell:
         mapped = [
-            variant
-            for variant in select_any(variants, selection)
-            if _record(variant).get("map_file")
+            variant for variant in select_any(variants, config) if _record(variant).get("map_file")
         ]
         if not mapped:
             raise InputError(
@@ -50,9 +58,9 @@ def write_pictures(document: Document, selection: Selection, out: Path, kind: Fo
             out.mkdir(parents=True, exist_ok=True)
             for variant in mapped:
                 tell(variant.name)
-                (out / f"{variant.name}.{kind}").write_bytes(_picture(document, variant, kind))
-    noun = "image" if len(mapped) == 1 else "images"
-    typer.echo(f"Wrote {len(mapped)} {noun} to {shown(out)}.")
+                content = _picture(document, variant, format_)
+                (out / f"{variant.name}.{format_}").write_bytes(content)
+    typer.echo(f"Wrote {counted(len(mapped), 'image')} to {shown(out)}.")
 
 
 def _record(variant: Variant) -> dict[str, Any]:

@@ -3,14 +3,13 @@
 from robovast_cli.lazy import Lazy, new_group
 
 COMMANDS = {
-    "gui": Lazy("robovast_cli.commands.evaluation.gui:app", "Start the web UI."),
-    "mcp-server": Lazy("robovast_cli.commands.mcp:app", "Start an MCP server for AI assistants."),
-    "index": Lazy(
-        "robovast_cli.commands.evaluation.index:app", "Create the `campaign.db` of campaigns."
-    ),
+    "gui": Lazy("evaluation.gui", "Start the web UI."),
+    "mcp-server": Lazy("mcp:mcp", "Start an MCP server for AI assistants."),
+    "index": Lazy("evaluation.index", "Create the `campaign.db` of campaigns."),
     "notebook": Lazy(
-        "robovast_cli.commands.evaluation.notebook:app", "Open a notebook on results in Jupyter."
+        "evaluation.notebook",
+        "Open a notebook on results in Jupyter.",
     ),
 }
 
-app = new_group("Browse results in the web UI and in notebooks.", COMMANDS)
+app = new_group("Browse results in the web UI and in notebooks.", "robovast_cli.commands", COMMANDS)

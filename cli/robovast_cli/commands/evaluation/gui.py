@@ -14,7 +14,7 @@ from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import GUI
 from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
 from robovast_cli.workspace import Workspace
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from robovast.evaluation.server.launches import Starting
     from robovast.evaluation.server.preparing import Preparation
 
-app = new_app("Start the web UI.")
 
 NO_START = (
     "This web UI only shows results (`--no-start`). To run a campaign, use `vast exec local run` "
@@ -48,7 +47,6 @@ NoBrowser = Annotated[
 ]
 
 
-@app.command()
 @examples(
     ("vast evaluation gui -r results", "Show all campaigns in results"),
     ("vast evaluation gui --bucket hall-2026-03-04-152130", "Show a campaign in its bucket"),

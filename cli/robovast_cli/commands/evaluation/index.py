@@ -7,12 +7,9 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Create the `campaign.db` of campaigns.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast evaluation index", "Index all campaigns of the project"),
     ("vast evaluation index -r results/hall-2026-03-04-152130 --force", "Recreate one index"),

@@ -10,15 +10,12 @@ import typer
 
 from robovast.base.errors import ExitCode
 from robovast.base.file_errors import read_content
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
-
-app = new_app("Open a notebook on results in Jupyter.")
 
 PROGRAMS = ("jupyter-lab", "jupyter-notebook")
 
 
-@app.command()
 @examples(
     ("vast evaluation notebook results/hall-2026-03-04-152130", "Analyze a campaign"),
     ("vast evaluation notebook results/hall-2026-03-04-152130 paths", "Open the notebook `paths`"),

@@ -5,10 +5,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.usage import UsageError
-
-app = new_app("Run campaigns on this machine.")
 
 Select = Annotated[
     list[str] | None,
@@ -46,16 +44,8 @@ Debug = Annotated[
 ]
 
 
-@app.callback()
-def local() -> None:
-    """Run campaigns on this machine.
-
-    Runs use Docker, Podman or local processes (no container).
-    """
-
-
-@app.command(
-    epilog="Exit codes: 0 all passed · 1 a run failed · 2 invalid input · 3 cannot run · 4 a run "
+@exit_codes(
+    "0 all passed · 1 a run failed · 2 invalid input · 3 cannot run · 4 a run "
     "errored or was not started, none failed · 5 cannot write results · 130 interrupted"
 )
 @examples(
@@ -203,7 +193,6 @@ def run(
     return campaign.start(document, out or output or ctx.obj.results, options)
 
 
-@app.command()
 @examples(
     ("vast exec local prepare-run manual -c hall-1", "Prepare one configuration"),
     ("vast exec local prepare-run manual -c 'hall-*' --runs 2", "Prepare a selection, 2 runs each"),

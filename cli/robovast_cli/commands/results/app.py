@@ -13,55 +13,55 @@ _ANALYZE, _QUERY, _PROCESS, _SHARE = (
 """Headings in the help."""
 
 
-def _lazy(target: str, help_text: str, section: str, aliases: tuple[str, ...] = ()) -> Lazy:
-    return Lazy(f"robovast_cli.commands.results.{target}", help_text, aliases, section)
-
-
 COMMANDS: Mapping[str, Lazy] = {
-    "summary": _lazy("summary:app", "Show failure rates, their causes and factors.", _ANALYZE),
-    "compare": _lazy("compare:app", "Compare campaigns with a baseline.", _ANALYZE),
-    "history": _lazy(
-        "history:app", "Show the failure rate of a configuration in each campaign.", _ANALYZE
+    "summary": Lazy("summary", "Show failure rates, their causes and factors.", section=_ANALYZE),
+    "compare": Lazy("compare", "Compare campaigns with a baseline.", section=_ANALYZE),
+    "history": Lazy(
+        "history", "Show the failure rate of a configuration in each campaign.", section=_ANALYZE
     ),
-    "coverage": _lazy("coverage:app", "Show failed pairs of values, and coverage gaps.", _ANALYZE),
-    "search": _lazy("search:app", "Show the results of a search.", _ANALYZE),
-    "report": _lazy("report:app", "Write a report of a campaign as HTML or Markdown.", _ANALYZE),
-    "junit": _lazy(
-        "junit:app", "Merge the test results of all runs into one JUnit report.", _ANALYZE
+    "coverage": Lazy(
+        "coverage", "Show failed pairs of values, and coverage gaps.", section=_ANALYZE
     ),
-    "query": _lazy("query:app", "Query the tables of campaigns with SQL.", _QUERY),
-    "sparql": _lazy("sparql:app", "Query the provenance graphs of campaigns with SPARQL.", _QUERY),
-    "postprocess": _lazy(
-        "postprocess:app",
+    "search": Lazy("search", "Show the results of a search.", section=_ANALYZE),
+    "report": Lazy("report", "Write a report of a campaign as HTML or Markdown.", section=_ANALYZE),
+    "junit": Lazy(
+        "junit", "Merge the test results of all runs into one JUnit report.", section=_ANALYZE
+    ),
+    "query": Lazy("query", "Query the tables of campaigns with SQL.", section=_QUERY),
+    "sparql": Lazy(
+        "sparql", "Query the provenance graphs of campaigns with SPARQL.", section=_QUERY
+    ),
+    "postprocess": Lazy(
+        "postprocess",
         "Convert raw results into tables, metadata and a provenance graph.",
-        _PROCESS,
+        section=_PROCESS,
     ),
-    "postprocess-commands": _lazy(
-        "postprocess:commands_app",
+    "postprocess-commands": Lazy(
+        "postprocess",
         "List the installed postprocessing commands and their parameters.",
-        _PROCESS,
+        section=_PROCESS,
     ),
-    "metadata": _lazy(
-        "metadata:app",
+    "metadata": Lazy(
+        "metadata",
         "Write metadata.yaml and the provenance graph of campaigns.",
-        _PROCESS,
+        section=_PROCESS,
         aliases=("generate-metadata",),
     ),
-    "merge-campaigns": _lazy("merge:app", "Merge campaigns into a new campaign.", _PROCESS),
-    "download": _lazy(
-        "download:app", "Download results from object storage or a file share.", _SHARE
+    "merge-campaigns": Lazy("merge", "Merge campaigns into a new campaign.", section=_PROCESS),
+    "download": Lazy(
+        "download", "Download results from object storage or a file share.", section=_SHARE
     ),
-    "import-results": _lazy("import_results:app", "Import a campaign from an archive.", _SHARE),
-    "publish": _lazy(
-        "publish:app", "Pack and publish results as configured in the .vast file.", _SHARE
+    "import-results": Lazy("import_results", "Import a campaign from an archive.", section=_SHARE),
+    "publish": Lazy(
+        "publish", "Pack and publish results as configured in the .vast file.", section=_SHARE
     ),
-    "publish-commands": _lazy(
-        "publish:commands_app",
-        "List the installed publication plugins and their parameters.",
-        _SHARE,
+    "publish-commands": Lazy(
+        "publish", "List the installed publication plugins and their parameters.", section=_SHARE
     ),
-    "list-share": _lazy("share:list_app", "List the campaigns on the file share.", _SHARE),
-    "remove-from-share": _lazy("share:remove_app", "Delete campaigns from the file share.", _SHARE),
+    "list-share": Lazy("share", "List the campaigns on the file share.", section=_SHARE),
+    "remove-from-share": Lazy("share", "Delete campaigns from the file share.", section=_SHARE),
 }
 
-app = new_group("Download, process, analyze and share results.", COMMANDS)
+app = new_group(
+    "Download, process, analyze and share results.", "robovast_cli.commands.results", COMMANDS
+)

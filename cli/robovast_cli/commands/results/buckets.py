@@ -137,13 +137,13 @@ def _by_cluster(
 
     with CLUSTER.needed_by("Access to a cluster"):
         from robovast.storage.bucket_ownership import is_owned
-        from robovast_cli.commands.results.downloading import named_results
         from robovast_cli.kube.api import connect
-        from robovast_cli.kube.status import CampaignState
+        from robovast_cli.kube.results import named_results
+        from robovast_cli.kube.status import campaign_states
         from robovast_cli.kube.store import open_store
 
     kube = stack.enter_context(connect(context, namespace))
-    known = [CampaignState(item) for item in kube.campaigns()]
+    known = campaign_states(kube)
     stores: dict[StorePlace, ObjectStore] = {}
     found = []
     for name in names:

@@ -8,15 +8,13 @@ from typing import Annotated, Literal
 import typer
 
 from robovast_cli.commands.results.options import ReportFormat, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Compare campaigns with a baseline.")
+from robovast_cli.lazy import examples, exit_codes
 
 _CAMPAIGN = "folder of a campaign, or its name in the results folder"
 
 
-@app.command(
-    epilog="Exit codes: 0 not worse, or unclear · 1 a configuration or all together are worse · "
+@exit_codes(
+    "0 not worse, or unclear · 1 a configuration or all together are worse · "
     "2 comparison impossible · 6 unclear, with --fail-on unclear"
 )
 @examples(

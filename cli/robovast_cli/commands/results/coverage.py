@@ -8,12 +8,9 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import CampaignName, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Show failed pairs of values, and coverage gaps.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast results coverage results/hall-2026-03-04-152130", "Show failures and gaps"),
     ("vast results coverage hall-2026-03-04-152130 --holes gaps.vast", "Write the missing runs"),

@@ -1,21 +1,48 @@
-"""`vast results download`: from object storage, or from the file share."""
+"""`vast results download`: download from object storage or a file share, with progress bars."""
 
 from __future__ import annotations
 
 import logging
 import os
-from typing import Annotated, Literal
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from robovast.base.environment import environment
+from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.optional_deps import CLUSTER
+from robovast.base.printable import printable
+from robovast.base.sizes import fmt_size
+from robovast.campaign.executables import warn_of_executables
+from robovast.storage.bucket_ownership import is_owned, owner_of
+from robovast.storage.folder_ownership import folder_for
+from robovast.storage.shares.campaigns import (
+    SHARE_TYPE,
+    NotOnShareError,
+    download_from_share,
+    open_share,
+)
 from robovast_cli.commands.results.options import Target
+from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.kube.results import Results, named_results, results_of
+from robovast_cli.kube.status import CampaignState, campaign_states
+from robovast_cli.kube.store import open_store
+from robovast_cli.lazy import examples
+from robovast_cli.ui.bars import Bars
+from robovast_cli.ui.output import say
+from robovast_cli.ui.report import message_of, tell
+from robovast_cli.workspace import shown
 
-app = new_app("Download results from object storage or a file share.")
+if TYPE_CHECKING:
+    from robovast.storage.download import DownloadResult
+
+MOST_WARNINGS = 20
+"""Maximum number of warnings about objects that are skipped or stored under other paths."""
 
 
-@app.command()
 @examples(
     ("vast results download", "Download all campaigns"),
     ("vast results download -i hall-2026-03-04-152130 -o results", "Download one campaign"),
@@ -68,19 +95,11 @@ def download(
     output = output or ctx.obj.results
     names = campaign or []
     cluster_is_meant = source == "cluster" or (source is None and (context or namespace))
-    if source == "share" or (not cluster_is_meant and has_share()):
-        from robovast_cli.commands.results.share_download import download_shared
-
-        download_shared(names, output, force=force, keep_archive=keep_archive)
+    if source == "share" or (not cluster_is_meant and _has_share()):
+        _download_shared(names, output, force=force, keep_archive=keep_archive)
         return
-    from robovast.base.errors import CannotRunError
-    from robovast.base.optional_deps import CLUSTER
-
-    with CLUSTER.needed_by("Access to a cluster"):
-        from robovast_cli.commands.results.downloading import download_campaigns
-
     try:
-        download_campaigns(context, namespace, names, output, force=force)
+        _download_campaigns(context, namespace, names, output, force=force)
     except CannotRunError as error:
         if cluster_is_meant:
             raise
@@ -91,13 +110,164 @@ def download(
         ) from error
 
 
-def has_share() -> bool:
+def _has_share() -> bool:
     """Return whether the environment or a `.env` file describes a file share."""
-    from robovast.base.environment import environment
-    from robovast.base.errors import CannotRunError
-    from robovast.storage.shares.campaigns import SHARE_TYPE
-
     try:
         return bool(environment().get(SHARE_TYPE))
     except CannotRunError:  # the file cannot be read, but may concern other things
         return bool(os.environ.get(SHARE_TYPE))
+
+
+def _download_shared(
+    names: Sequence[str], output: Path, *, force: bool, keep_archive: bool
+) -> None:
+    """Download campaigns by name (default: all) from the file share; `force` replaces folders."""
+    with open_share() as share, Bars() as progress:
+        try:
+            fetched, present = download_from_share(
+                share, names, output, force=force, keep_archive=keep_archive, progress=progress
+            )
+        except NotOnShareError as error:
+            raise InputError(
+                error.message, hint="use `--from cluster` to search the object storage"
+            ) from error
+    for folder in fetched:
+        say(f"{shown(folder)}: downloaded from the file share.")
+        if warning := warn_of_executables(folder):
+            say(warning)
+    for folder in present:
+        say(f"{shown(folder)}: already exists. `--force` downloads it again.")
+    if not fetched and not present:
+        say("No campaigns on the file share.")
+
+
+def _download_campaigns(
+    context: str | None,
+    namespace: str | None,
+    names: Sequence[str],
+    output: Path,
+    *,
+    force: bool,
+) -> None:
+    """Download campaigns by name (default: all), with `force` also existing runs."""
+    with connect(context, namespace) as kube:
+        known = campaign_states(kube)
+        chosen = (
+            [named_results(kube, known, name) for name in names] if names else _stored(kube, known)
+        )
+        failed = []
+        for results in chosen:
+            try:
+                _download_results(kube, results, output, force=force)
+            except StorageError as error:
+                tell(message_of(error))
+                failed.append(results.name)
+    if failed:
+        raise StorageError(
+            f"incomplete download: {', '.join(failed)}.",
+            hint="run the command again to download the rest",
+        )
+
+
+def download_run(context: str | None, namespace: str | None, run: str, output: Path) -> Path:
+    """Download a run with the files that a replay needs; return its folder.
+
+    Args:
+        context: context of the kubeconfig (default: the current one).
+        namespace: namespace of the campaign (default: from the context).
+        run: `<campaign>/<configuration>/<number>`.
+        output: folder for the campaign's folder.
+    """
+    name, _, path = run.partition("/")
+    with connect(context, namespace) as kube:
+        known = campaign_states(kube)
+        folder = _download_results(kube, named_results(kube, known, name), output, run=path)
+    return folder / path
+
+
+def _stored(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
+    stored = [campaign for campaign in known if campaign.bucket]
+    if not stored:
+        raise InputError(
+            f"no campaign in the namespace {kube.namespace} has results",
+            hint="set the namespace with `--namespace`, or name a deleted Campaign with "
+            "`--campaign`",
+        )
+    return [results_of(campaign) for campaign in stored]
+
+
+def _download_results(
+    kube: Kubernetes, results: Results, output: Path, *, force: bool = False, run: str | None = None
+) -> Path:
+    """Download a campaign, or one of its runs; return the folder of the campaign."""
+    with CLUSTER.needed_by("Access to a cluster"):
+        from robovast.storage.download import download_campaign
+
+    with open_store(kube, results.place) as store:
+        if results.campaign is not None:
+            if _may_lack_bucket(results.campaign) and not store.has_bucket(results.bucket):
+                say(f"{results.campaign.name}: nothing is stored yet. Repeat the command later.")
+                return output / results.name
+            is_owned(store, results.bucket, results.campaign.uid)
+        folder = folder_for(output, results.name, owner_of(store, results.bucket))
+        if folder.name != results.name:
+            say(f"The folder {results.name} belongs to another campaign. Using {folder.name}.")
+        with Bars() as bars:
+            view = _ProgressBar(bars, folder.name)
+            result = download_campaign(
+                store, results.bucket, folder, view, force=force, run=run, imported=True
+            )
+    for line in _summary(result):
+        say(line)
+    if results.campaign is not None and results.campaign.status.decisions:
+        say(f"{printable(results.campaign.status.decisions)}.")
+    return folder
+
+
+def _may_lack_bucket(campaign: CampaignState) -> bool:
+    """Return whether the first pod may not have created the bucket yet."""
+    return not campaign.finished and not campaign.done
+
+
+def _summary(result: DownloadResult) -> Iterator[str]:
+    total = result.fetched + result.present
+    here = f" ({result.present} already existed)" if result.present else ""
+    yield f"{shown(result.campaign)}: {total} runs{here}, {fmt_size(result.size)} downloaded."
+    if result.unfinished:
+        yield f"{len(result.unfinished)} runs are not stored yet. Repeat the command later."
+    if result.lacking:
+        yield (
+            f"{len(result.lacking)} runs have files that could not be stored. `missing` in their "
+            f"run.json lists the files with reasons, for example in {result.lacking[0]}."
+        )
+    yield from result.warnings[:MOST_WARNINGS]
+    if len(result.warnings) > MOST_WARNINGS:
+        yield f"… and {len(result.warnings) - MOST_WARNINGS} more objects."
+
+
+class _ProgressBar:
+    """Shows the progress of a download as one bar."""
+
+    def __init__(self, bars: Bars, title: str) -> None:
+        self._bars = bars
+        self._title = title
+        self._size = self._count = self._received = self._files = 0
+
+    def planned(self, files: int, size: int) -> None:
+        """Set the length of the bar."""
+        self._count, self._size = files, size
+        self._show()
+
+    def received(self, size: int) -> None:
+        """Advance the bar."""
+        self._received += size
+        self._show()
+
+    def file_finished(self) -> None:
+        """Count a file."""
+        self._files += 1
+        self._show()
+
+    def _show(self) -> None:
+        note = f"{self._files}/{self._count} files"
+        self._bars(self._title, self._received, self._size, note)

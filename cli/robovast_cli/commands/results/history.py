@@ -9,12 +9,9 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import ReportFormat, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Show the failure rate of a configuration in each campaign.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast results history hall-3", "Use the name in the latest campaign"),
     ("vast results history hall-3 -i hall-2026-03-04-152130 -o json", "Print JSON"),

@@ -8,12 +8,9 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import Target
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Import a campaign from an archive.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast import-results hall-2026-03-04-152130.tar.gz", "Import into the results folder"),
     ("vast import-results hall-2026-03-04-152130.zip -o archive", "Import into another folder"),

@@ -8,12 +8,9 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import CampaignName, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Merge the test results of all runs into one JUnit report.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast results junit results/hall-2026-03-04-152130 runs.xml", "Merge one campaign"),
     ("vast results junit hall-2026-03-04-152130 runs.xml -r results", "Set the results folder"),

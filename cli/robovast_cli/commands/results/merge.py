@@ -8,12 +8,9 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import Campaigns, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Merge campaigns into a new campaign.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast results merge-campaigns merged", "Merge all campaigns"),
     ("vast results merge-campaigns merged -i hall-part-1 -i hall-part-2", "Merge two campaigns"),

@@ -1,17 +1,23 @@
 """`vast results metadata`: metadata.yaml and the provenance graph of campaigns."""
 
+import logging
 from typing import Annotated
 
 import typer
 
-from robovast.base.errors import ExitCode
+from robovast.analysis.provenance import describe
+from robovast.analysis.provenance.drawing import write_drawing
+from robovast.base.errors import ExitCode, RobovastError
+from robovast.campaign.finding import find_campaigns
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
+from robovast_cli.ui.output import say
+from robovast_cli.ui.working import working
+from robovast_cli.workspace import shown
 
-app = new_app("Write metadata.yaml and the provenance graph of campaigns.")
+_log = logging.getLogger(__name__)
 
 
-@app.command()
 @examples(
     ("vast results metadata", "Describe all campaigns of the project"),
     ("vast results metadata -r results/hall-2026-03-04-152130 --dot-pdf", "Also draw the graph"),
@@ -38,7 +44,17 @@ def metadata(
     The graph is metadata.prov.json, in PROV-O. Missing data, such as the verdict of an aborted run,
     is reported on stderr. All other data is written.
     """
-    from robovast_cli.commands.config.descriptions import describe_campaigns
-
-    results = results_dir or ctx.obj.results
-    return describe_campaigns(results, own_plugins=not no_plugins, draw=dot_pdf)
+    code = ExitCode.OK
+    for campaign in find_campaigns(results_dir or ctx.obj.results):
+        try:
+            with working(f"Describing {shown(campaign)}"):
+                describe(campaign, own_plugins=not no_plugins)
+                if dot_pdf:
+                    write_drawing(campaign)
+        except RobovastError as error:
+            _log.error("%s", error)
+            code = error.exit_code
+        else:
+            drawn = ", metadata.dot, metadata.pdf" if dot_pdf else ""
+            say(f"{shown(campaign)}: metadata.yaml, metadata.prov.json{drawn}")
+    return code

@@ -6,14 +6,11 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Convert raw results into tables, metadata and a provenance graph.")
-commands_app = new_app("List the installed postprocessing commands and their parameters.")
+from robovast_cli.lazy import examples, exit_codes
 
 
-@app.command(
-    epilog="Exit codes: 0 all commands succeeded · 1 a command failed · 2 invalid .vast file · "
+@exit_codes(
+    "0 all commands succeeded · 1 a command failed · 2 invalid .vast file · "
     "5 results cannot be written · 130 interrupted"
 )
 @examples(
@@ -100,7 +97,6 @@ def postprocess(
     return run(results_dir or ctx.obj.results, options)
 
 
-@commands_app.command()
 @examples(
     ("vast results postprocess-commands", "List the commands"),
     ("vast results postprocess-commands | less", "Page through the list"),

@@ -8,13 +8,10 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import Campaigns, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Pack and publish results as configured in the .vast file.")
-commands_app = new_app("List the installed publication plugins and their parameters.")
+from robovast_cli.lazy import examples, exit_codes
 
 
-@app.command(epilog="Exit codes: 2 invalid file or plugin, nothing was done · 5 a plugin failed")
+@exit_codes("2 invalid file or plugin, nothing was done · 5 a plugin failed")
 @examples(
     ("vast results publish", "Publish all campaigns"),
     ("vast results publish -i hall-2026-03-04-152130 --skip-upload", "Pack one campaign"),
@@ -63,7 +60,6 @@ def publish(
     )
 
 
-@commands_app.command()
 @examples(
     ("vast results publish-commands", "List the plugins"),
     ("vast results publish-commands | less", "Page through the list"),

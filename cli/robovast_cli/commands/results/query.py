@@ -11,15 +11,12 @@ import typer
 
 from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 
 if TYPE_CHECKING:
     from robovast.analysis.tables.stored import StoredTables
 
-app = new_app("Query the tables of campaigns with SQL.")
 
-
-@app.command()
 @examples(
     ("vast results query", "List tables and columns"),
     ('vast results query "SELECT config, avg(duration) FROM runs GROUP BY 1"', "Query run times"),

@@ -8,12 +8,9 @@ from typing import Annotated
 import typer
 
 from robovast_cli.commands.results.options import CampaignName, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Write a report of a campaign as HTML or Markdown.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast results report results/hall-2026-03-05-132444", "Write report.html"),
     ("vast results report hall-2026-03-05-132444 -b hall-2026-03-04-132444", "Compare also"),

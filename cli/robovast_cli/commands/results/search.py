@@ -8,16 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from robovast_cli.commands.results.options import AnswerFormat, CampaignName, ResultsDir
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 
 if TYPE_CHECKING:
     from robovast.model.document.search.space import Space
     from robovast.search.results import StoredSearch
 
-app = new_app("Show the results of a search.")
 
-
-@app.command()
 @examples(
     ("vast results search results/drone-2026-03-04-152130", "List the parameter sets"),
     ("vast results search drone-2026-03-04-152130 best", "Show the best set"),

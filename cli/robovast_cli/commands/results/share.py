@@ -10,13 +10,9 @@ import typer
 from robovast.base.errors import InputError
 from robovast.base.sizes import fmt_size
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-list_app = new_app("List the campaigns on the file share.")
-remove_app = new_app("Delete campaigns from the file share.")
+from robovast_cli.lazy import examples
 
 
-@list_app.command()
 @examples(
     ("vast results list-share", "List all campaigns"),
     ("vast results list-share -i 'hall-*'", "List a selection"),
@@ -60,7 +56,6 @@ def list_share(
     typer.echo(format_table(["CAMPAIGN", "SIZE", "LOCAL"], rows), nl=False)
 
 
-@remove_app.command()
 @examples(
     ("vast results remove-from-share -i hall-2026-03-04-152130", "Delete after confirmation"),
     ("vast results remove-from-share -i 'hall-2026-02-*' -y", "Delete a selection"),

@@ -7,12 +7,9 @@ import typer
 
 from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
-from robovast_cli.lazy import examples, new_app
-
-app = new_app("Query the provenance graphs of campaigns with SPARQL.")
+from robovast_cli.lazy import examples
 
 
-@app.command()
 @examples(
     ("vast results sparql --list", "List the included queries"),
     ("vast results sparql failure-rate -r results", "Run an included query"),

@@ -9,7 +9,7 @@ import typer
 
 from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
 from robovast_cli.commands.results.options import ReportFormat, ResultsDir
-from robovast_cli.lazy import examples, new_app
+from robovast_cli.lazy import examples
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 
     from robovast.evaluation.summaries import CampaignSummary, VariantRuns
 
-app = new_app("Show failure rates, their causes and factors.")
 
-
-@app.command()
 @examples(
     ("vast results summary results/hall-2026-03-04-152130", "Show one campaign"),
     ("vast results summary --worst 0 --limit 0.2", "List all configurations"),

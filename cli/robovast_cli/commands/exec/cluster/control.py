@@ -1,44 +1,84 @@
-"""`vast exec cluster stop`, `resume`, `retry`, `run-cleanup` and `download-cleanup`."""
+"""`vast exec cluster stop`, `resume` and `retry`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Annotated
 
 import typer
 
 from robovast.base.errors import InputError
-from robovast_cli.commands.exec.cluster.remove import remove, remove_bucket, remove_finished
 from robovast_cli.kube.api import Kubernetes, connect
-from robovast_cli.kube.status import CampaignState, find_campaign
+from robovast_cli.kube.options import CampaignName, Context, Namespace
+from robovast_cli.kube.status import CampaignState, campaign_states, find_campaign
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
+from robovast_cli.ui.table import counted
 
 
-def stop(context: str | None, namespace: str | None, name: str | None) -> None:
-    """Stop a campaign; without a name the only one that runs."""
-    with connect(context, namespace) as kube:
-        campaign = _one(kube, name, lambda c: not c.finished and not c.suspended, "that is running")
-        kube.patch_campaign(campaign.name, {"suspend": True})
-    say(f"{campaign.name}: stopping pods. Runs in progress are lost; stored runs are kept.")
-    say(f"Resume:   vast exec cluster resume -i {campaign.name}{kube.given}")
-
-
-def resume(
-    context: str | None, namespace: str | None, name: str | None, batches: int | None
+@examples(
+    ("vast exec cluster stop", "Stop the only running campaign"),
+    ("vast exec cluster stop -i hall-x7k2p", "Stop a campaign by its name"),
+)
+def stop(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
 ) -> None:
-    """Resume a stopped campaign, or extend a search to a total number of batches.
+    """Stop a campaign and keep its stored runs.
 
-    Without a name it is the only one that is stopped, or is a search.
+    Pods terminate. Runs in progress are not stored, but run again after `resume`.
     """
     with connect(context, namespace) as kube:
+        chosen = _select(kube, campaign, _is_running, "that is running")
+        kube.patch_campaign(chosen.name, {"suspend": True})
+    say(f"{chosen.name}: stopping pods. Runs in progress are lost; stored runs are kept.")
+    say(f"Resume:   vast exec cluster resume -i {chosen.name}{kube.given}")
+
+
+@examples(
+    ("vast exec cluster resume", "Resume the only stopped campaign"),
+    ("vast exec cluster resume -i hall-x7k2p --batches 20", "Extend a search to 20 batches"),
+)
+def resume(
+    campaign: CampaignName = None,
+    batches: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Total number of batches after which a search stops, instead of its `budget` and "
+            "`stopping`. Extends a finished search also.",
+        ),
+    ] = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Resume a stopped campaign after its last stored run."""
+    with connect(context, namespace) as kube:
         if batches is None:
-            campaign = _one(kube, name, lambda c: c.suspended, "that is stopped")
-            kube.patch_campaign(campaign.name, {"suspend": False})
+            chosen = _select(kube, campaign, lambda c: c.suspended, "that is stopped")
+            kube.patch_campaign(chosen.name, {"suspend": False})
         else:
-            campaign = _one(kube, name, _is_search, "that is a search")
-            _refuse_fewer(campaign, batches)
+            chosen = _select(kube, campaign, _is_search, "that is a search")
+            _refuse_fewer(chosen, batches)
             end = {"budget": [{"batches": batches}], "stopping": []}
-            kube.patch_campaign(campaign.name, {"suspend": False, "vast": {"search": end}})
-    say(f"{campaign.name}: resumed.")
+            kube.patch_campaign(chosen.name, {"suspend": False, "vast": {"search": end}})
+    say(f"{chosen.name}: resumed.")
+
+
+@examples(
+    ("vast exec cluster retry", "Retry the only campaign with unsuccessful runs"),
+    ("vast exec cluster retry -i hall-x7k2p", "Retry a campaign by its name"),
+)
+def retry(
+    campaign: CampaignName = None, context: Context = None, namespace: Namespace = None
+) -> None:
+    """Run the failed and errored runs of a finished campaign again."""
+    with connect(context, namespace) as kube:
+        chosen = _select(kube, campaign, _can_be_retried, "with unsuccessful runs")
+        kube.patch_campaign(chosen.name, {"attempt": chosen.attempt + 1})
+    runs = chosen.status.runs
+    bad = runs.failed + runs.errored
+    say(f"{chosen.name}: retrying {counted(bad, 'run')}.")
 
 
 def _is_search(campaign: CampaignState) -> bool:
@@ -60,47 +100,8 @@ def _refuse_fewer(campaign: CampaignState, batches: int) -> None:
         )
 
 
-def retry(context: str | None, namespace: str | None, name: str | None) -> None:
-    """Repeat the bad runs of a campaign; without a name of the only one that has some."""
-    with connect(context, namespace) as kube:
-        campaign = _one(kube, name, _can_be_retried, "with unsuccessful runs")
-        kube.patch_campaign(campaign.name, {"attempt": campaign.attempt + 1})
-    runs = campaign.status.runs
-    bad = runs.failed + runs.errored
-    say(f"{campaign.name}: retrying {bad} {'run' if bad == 1 else 'runs'}.")
-
-
-def run_cleanup(
-    context: str | None, namespace: str | None, name: str | None, *, data: bool
-) -> None:
-    """Remove campaigns; without a name all that are finished."""
-    with connect(context, namespace) as kube:
-        if name is None:
-            remove_finished(kube, data=data)
-        else:
-            remove([_one(kube, name, lambda _: True, "")], kube, data=data)
-
-
-def download_cleanup(
-    context: str | None, namespace: str | None, name: str | None, *, ask: bool
-) -> None:
-    """Remove buckets; without a name those of all finished campaigns."""
-    with connect(context, namespace) as kube:
-        known = [CampaignState(item) for item in kube.campaigns()]
-        chosen = [find_campaign(known, name, kube.namespace)] if name else known
-        doomed = [campaign for campaign in chosen if campaign.finished and campaign.bucket]
-        if name and not doomed:
-            raise InputError(
-                f"{name} is not finished, or has no results in the object storage.",
-                hint="run `vast exec cluster monitor` to see its progress",
-            )
-        for campaign in doomed:
-            say(f"{campaign.name}: bucket {campaign.bucket}")
-        if doomed and ask:
-            typer.confirm("Delete these results from the object storage?", abort=True)
-        for campaign in doomed:
-            remove_bucket(kube, campaign)
-        say(f"Deleted: {len(doomed)}.")
+def _is_running(campaign: CampaignState) -> bool:
+    return not campaign.finished and not campaign.suspended
 
 
 def _can_be_retried(campaign: CampaignState) -> bool:
@@ -108,11 +109,11 @@ def _can_be_retried(campaign: CampaignState) -> bool:
     return campaign.finished and runs.failed + runs.errored > 0
 
 
-def _one(
+def _select(
     kube: Kubernetes, name: str | None, fits: Callable[[CampaignState], bool], what: str
 ) -> CampaignState:
-    """The campaign of a name, else the only one that fits."""
-    known = [CampaignState(item) for item in kube.campaigns()]
+    """Return the campaign of a name (default: the only one that fits)."""
+    known = campaign_states(kube)
     if name is not None:
         campaign = find_campaign(known, name, kube.namespace)
         if not fits(campaign):

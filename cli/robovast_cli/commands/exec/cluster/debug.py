@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from robovast.base.errors import CannotRunError
 from robovast.kubeapi.pod_contract.debug_pod import HOURS, debug_pod
 from robovast.kubeapi.pod_contract.pack_request import RUN
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL
-from robovast_cli.commands.exec.cluster.logs import campaign_and_run, opened_runs
+from robovast_cli.commands.exec.cluster.logs import RunNames, open_runs, parse_names
+from robovast_cli.kube.options import Context, Namespace
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
 
 
-def debug(context: str | None, namespace: str | None, words: Sequence[str]) -> None:
-    """Start the pod, and print how to enter and to end it.
+@examples(
+    ("vast exec cluster debug hall-1/0", "Run a run of the only campaign again"),
+    ("vast exec cluster debug hall-x7k2p hall-1/0", "Name the campaign"),
+)
+def debug(names: RunNames = None, context: Context = None, namespace: Namespace = None) -> None:
+    """Run a run again in a separate pod, and keep the pod for inspection.
 
-    Args:
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        words: the campaign, which may be left out, and the run.
-
-    Raises:
-        InputError: there is no such campaign or run, or the campaign was not accepted.
-        CannotRunError: nothing says any more how its pod is made.
+    Uses the parameters, seed and image of the run. The results of the campaign do not change.
     """
-    name, run = campaign_and_run(words)
-    with opened_runs(context, namespace, name) as (kube, runs):
+    name, run = parse_names(names)
+    with open_runs(context, namespace, name) as (kube, runs):
         runs.check_accepted()
         campaign, planned = runs.campaign, runs.planned
         if campaign is None or planned is None:

@@ -9,6 +9,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from typing import Annotated
+
+import typer
 
 from robovast.base.errors import InputError
 from robovast.base.file_errors import LARGEST
@@ -16,13 +19,15 @@ from robovast.base.safe_paths import read_end
 from robovast.campaign.job_log import has_parts, log_path, part_of
 from robovast.campaign.run_record import RunRecord
 from robovast.kubeapi.pod_contract.pack_request import RUN
-from robovast_cli.commands.results.downloading import named_results
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import NotFoundError
+from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.pods import check_container, has_begun, is_prepared, waiting_reason
+from robovast_cli.kube.results import named_results
 from robovast_cli.kube.runs import CampaignRuns, Executor
-from robovast_cli.kube.status import CampaignState, lookup, some_names
+from robovast_cli.kube.status import CampaignState, campaign_states, lookup, some_names
 from robovast_cli.kube.store import place_of
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say_data
 from robovast_cli.ui.report import tell
 
@@ -31,67 +36,100 @@ INTERVAL = 2.0
 
 
 @dataclass(frozen=True)
-class How:
-    """How logs are shown."""
+class LogOptions:
+    """Which lines of a log are printed."""
 
     follow: bool = False
     secondary: str | None = None
-    """Name of a secondary container; the main one when None."""
+    """Name of a secondary container; None for the main one."""
     tail: int | None = None
-    """Most lines; all when None."""
+    """Maximum number of lines; None for all."""
 
     def last(self, lines: Iterable[str]) -> Sequence[str]:
-        """The lines to show of those that are there."""
+        """Return the lines to print."""
         return deque(lines, self.tail)
 
 
+RunNames = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[CAMPAIGN] RUN",
+        help="Run, for example `hall-1/0`. Add CAMPAIGN if the namespace has several campaigns.",
+        show_default=False,
+    ),
+]
+Secondary = Annotated[
+    str | None,
+    typer.Option(
+        "--secondary",
+        metavar="NAME",
+        help="Secondary container (default: the main container).",
+        show_default=False,
+    ),
+]
+
+
+@examples(
+    ("vast exec cluster logs hall-1/0 --follow", "Stream the log of a run"),
+    ("vast exec cluster logs hall-x7k2p hall-1/0 --tail 50", "Name the campaign, print 50 lines"),
+    ("vast exec cluster logs --failed", "Print the logs of all unsuccessful runs"),
+)
 def logs(
-    context: str | None, namespace: str | None, words: Sequence[str], how: How, *, failed: bool
+    names: RunNames = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Wait for the run to start and stream its log.")
+    ] = False,
+    secondary: Secondary = None,
+    tail: Annotated[
+        int | None,
+        typer.Option(
+            "--tail", metavar="N", min=0, help="Print only the last N lines.", show_default=False
+        ),
+    ] = None,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="Print the logs of all failed and errored runs.")
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
 ) -> None:
-    """Print the log of a run, or those of all runs that failed.
+    """Print the log of a running or stored run.
 
-    Args:
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        words: the campaign, which may be left out, and the run.
-        how: it is shown.
-        failed: all failed and errored runs, and `words` has no run.
-
-    Raises:
-        InputError: there is no such campaign, run or container.
+    If the run is pending, prints the reason for waiting. If several runs share a pod, prints only
+    the part of this run.
     """
+    options = LogOptions(follow, secondary, tail)
     if failed:
-        if how.follow or len(words) > 1:
+        if follow or len(names or []) > 1:
             raise InputError(
                 "`--failed` accepts at most a campaign, and cannot be combined with `--follow`.",
                 hint="remove the run or `--follow`",
             )
-        with opened_runs(context, namespace, next(iter(words), None)) as (kube, runs):
+        with open_runs(context, namespace, next(iter(names or []), None)) as (kube, runs):
             for run in runs.bad():
-                RunLog(kube, runs, run, how).show_titled()
+                RunLog(kube, runs, run, options).show_titled()
         return
-    campaign, run = campaign_and_run(words)
-    with opened_runs(context, namespace, campaign) as (kube, runs):
-        RunLog(kube, runs, run, how).show()
+    campaign, run = parse_names(names)
+    with open_runs(context, namespace, campaign) as (kube, runs):
+        RunLog(kube, runs, run, options).show()
 
 
-def campaign_and_run(words: Sequence[str]) -> tuple[str | None, str]:
+def parse_names(names: Sequence[str] | None) -> tuple[str | None, str]:
     """The campaign, if it is named, and the run.
 
     Raises:
         InputError: no run is named.
     """
-    if len(words) not in (1, 2):
+    if names is None or len(names) > 2:
         raise InputError(
             "no run is named",
             hint="name a run, for example `hall-1/0`. If the namespace has several campaigns, "
             "name the campaign before the run",
         )
-    return (words[0] if len(words) == 2 else None), words[-1]
+    return (names[0] if len(names) == 2 else None), names[-1]
 
 
 @contextmanager
-def opened_runs(
+def open_runs(
     context: str | None, namespace: str | None, name: str | None
 ) -> Iterator[tuple[Kubernetes, CampaignRuns]]:
     """The runs of a campaign: the named one, else the only one, else the only unfinished one.
@@ -100,7 +138,7 @@ def opened_runs(
         InputError: there is no such campaign.
     """
     with connect(context, namespace) as kube, ExitStack() as stack:
-        known = [CampaignState(item) for item in kube.campaigns()]
+        known = campaign_states(kube)
         campaign = _only(kube, known) if name is None else lookup(known, name)
         if campaign is None and name is not None:
             results = named_results(kube, known, name)
@@ -125,11 +163,11 @@ def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
 class RunLog:
     """The log of one run."""
 
-    def __init__(self, kube: Kubernetes, runs: CampaignRuns, run: str, how: How) -> None:
+    def __init__(self, kube: Kubernetes, runs: CampaignRuns, run: str, options: LogOptions) -> None:
         self._kube = kube
         self._runs = runs
         self._run = run
-        self._how = how
+        self._options = options
 
     def show(self) -> None:
         """Print it, or why there is none yet; with `follow`, wait until there is."""
@@ -146,7 +184,7 @@ class RunLog:
             if reason != told:
                 tell(f"{self._run} is pending: {reason.rstrip('.')}.")
                 told = reason
-            if not self._how.follow:
+            if not self._options.follow:
                 return
             time.sleep(INTERVAL)
 
@@ -162,7 +200,7 @@ class RunLog:
 
     def _show_live(self, executor: Executor) -> bool:
         """Print it from a pod, and what is added to it; False if the pod has none of the run."""
-        container = self._how.secondary or RUN
+        container = self._options.secondary or RUN
         check_container(executor.pod, container)
         if not has_begun(executor.pod, container):
             return False
@@ -179,8 +217,8 @@ class RunLog:
         if parts is None or elsewhere or (shared and not parts and self._is_stored(executor)):
             return False
         shown = begun or self._whole(lines, executor.runs)
-        _print(self._how.last(shown))
-        if self._how.follow:
+        _print(self._options.last(shown))
+        if self._options.follow:
             coming = self._kube.log(executor.name, container, follow=True)
             grown = part_of(coming, self._run) if parts else coming
             _print(islice(grown, len(shown), None))
@@ -192,13 +230,13 @@ class RunLog:
         return record is not None and record.attempt >= executor.attempt
 
     def _show_stored(self, record: RunRecord) -> None:
-        path = log_path(self._how.secondary)
+        path = log_path(self._options.secondary)
         with self._runs.stored_log(record.job, path) as file:
             text = read_end(file, file.parent, LARGEST)[0].decode("utf-8", "replace")
         lines = text.removesuffix("\n").split("\n")
         part = list(part_of(lines, self._run))
         runs = 1 if part else self._runs.runs_of_job(record.job)
-        _print(self._how.last(part or self._whole(lines, runs)))
+        _print(self._options.last(part or self._whole(lines, runs)))
 
     def _whole(self, lines: Sequence[str], runs: int) -> Sequence[str]:
         """All lines of a job's log, with a note if other runs are in it."""

@@ -1,36 +1,50 @@
-"""`vast exec cluster monitor`: how far campaigns are."""
+"""`vast exec cluster monitor`: show the progress of campaigns."""
 
 from __future__ import annotations
 
 import contextlib
 import time
 from collections.abc import Iterator, Sequence
+from typing import Annotated
+
+import typer
 
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import UnreachableError
-from robovast_cli.kube.status import CampaignState
+from robovast_cli.kube.options import Context, Namespace
+from robovast_cli.kube.status import CampaignState, campaign_states
+from robovast_cli.lazy import examples
 from robovast_cli.ui.cluster_view import follow_view, table
 from robovast_cli.ui.output import say
 
 
-def monitor(context: str | None, namespace: str | None, *, interval: float, once: bool) -> None:
-    """Show the campaigns of a namespace until none runs.
+@examples(
+    ("vast exec cluster monitor", "Watch until no campaign is running"),
+    ("vast exec cluster monitor --once -n lab", "Print one snapshot of the namespace lab"),
+)
+def monitor(
+    interval: Annotated[
+        float, typer.Option("-i", "--interval", min=0.2, help="Refresh interval in seconds.")
+    ] = 2.0,
+    once: Annotated[
+        bool, typer.Option("--once", help="Print one snapshot of all campaigns and exit.")
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Watch running campaigns.
 
-    Args:
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        interval: time between two looks [s].
-        once: print a table of all, and end.
+    Exits when no campaign is running. Ctrl-C stops the display, not the campaigns.
     """
     with connect(context, namespace) as kube:
         if once:
-            known = _campaigns(kube)
+            known = campaign_states(kube)
             none = f"No campaigns in the namespace {kube.namespace}."
             say(table(known).rstrip() if known else none)
             return
         try:
             with follow_view() as view:
-                for shown in _looks(kube, interval):
+                for shown in _observe(kube, interval):
                     view.update(shown)
         except KeyboardInterrupt:
             return
@@ -38,17 +52,13 @@ def monitor(context: str | None, namespace: str | None, *, interval: float, once
             say(f"No campaign is running in the namespace {kube.namespace}. `--once` shows all.")
 
 
-def _campaigns(kube: Kubernetes) -> list[CampaignState]:
-    return [CampaignState(item) for item in kube.campaigns()]
+def _observe(kube: Kubernetes, interval: float) -> Iterator[Sequence[CampaignState]]:
+    """Yield the campaigns that run or have run since the first request, until none runs.
 
-
-def _looks(kube: Kubernetes, interval: float) -> Iterator[Sequence[CampaignState]]:
-    """Campaigns that run, and those that did, again and again while one does.
-
-    An API server may be gone for a while.
+    Skips a request if the API server is unreachable.
     """
     watched: set[str] = set()
-    campaigns = _campaigns(kube)
+    campaigns = campaign_states(kube)
     while True:
         active = {c.name for c in campaigns if not (c.finished or c.suspended)}
         watched |= active
@@ -57,4 +67,4 @@ def _looks(kube: Kubernetes, interval: float) -> Iterator[Sequence[CampaignState
             return
         time.sleep(interval)
         with contextlib.suppress(UnreachableError):
-            campaigns = _campaigns(kube)
+            campaigns = campaign_states(kube)

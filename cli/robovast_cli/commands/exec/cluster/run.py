@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
+from typing import Annotated, Literal
+
+import typer
 
 from robovast.base.any_yaml import dump_any
 from robovast.base.environment import environment
@@ -15,12 +16,16 @@ from robovast.base.errors import ExitCode, RobovastError
 from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
-from robovast_cli.commands.exec.cluster import notifying, sharing
-from robovast_cli.commands.exec.cluster.remove import remove_finished
+from robovast_cli.commands.exec.cluster.campaign_secrets import CampaignSecrets, read_secrets
+from robovast_cli.commands.exec.cluster.deletion import delete_finished
+from robovast_cli.commands.exec.cluster.estimate import print_estimate
+from robovast_cli.commands.exec.local import Debug, LogTree, Runs, Select
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import NotFoundError, UnreachableError
-from robovast_cli.kube.status import CampaignState
+from robovast_cli.kube.options import Context, Namespace
+from robovast_cli.kube.status import CampaignState, campaign_states
 from robovast_cli.kube.store import installed_place, open_store
+from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.cluster_view import follow_view
 from robovast_cli.ui.output import say
 from robovast_cli.ui.report import tell
@@ -31,7 +36,133 @@ QUEUE = "robovast"
 """Kueue LocalQueue that `setup` makes where Kueue is installed."""
 
 
-def print_campaign(
+Image = Annotated[
+    str | None,
+    typer.Option(
+        "--image",
+        envvar="ROBOVAST_IMAGE",
+        show_envvar=False,
+        help="Container image (default: $ROBOVAST_IMAGE, else `execution.image`).",
+        show_default=False,
+    ),
+]
+
+
+@exit_codes(
+    "0 all passed · 1 a run failed · 2 invalid input · 3 cannot run · 4 a run "
+    "errored or was not started, none failed · 130 display interrupted"
+)
+@examples(
+    ("vast exec cluster run", "Run all configurations and wait"),
+    ("vast exec cluster run -c 'hall-*' --runs 5 --detach", "Submit a selection and exit"),
+    ("vast exec cluster run --dry-run > campaign.yaml", "Write the Campaign for Git"),
+)
+def run(
+    ctx: typer.Context,
+    config: Select = None,
+    runs: Runs = None,
+    image: Image = None,
+    detach: Annotated[bool, typer.Option("--detach", help="Submit the campaign and exit.")] = False,
+    cleanup: Annotated[
+        bool,
+        typer.Option("--cleanup", help="First delete finished campaigns, but keep their results."),
+    ] = False,
+    parallelism: Annotated[
+        int | None,
+        typer.Option(
+            "--parallelism",
+            min=1,
+            help="Maximum number of concurrent pods (default: 100).",
+            show_default=False,
+        ),
+    ] = None,
+    reuse: Annotated[
+        bool,
+        typer.Option(
+            "--reuse",
+            help="Reuse runs with identical inputs and seed from other campaigns with this "
+            "option. Requires `execution.seed` and an image digest.",
+        ),
+    ] = False,
+    queue: Annotated[
+        str | None,
+        typer.Option(
+            "--queue",
+            metavar="NAME",
+            help="Kueue LocalQueue of the campaign (default: `robovast`, if it exists).",
+            show_default=False,
+        ),
+    ] = None,
+    queue_priority: Annotated[
+        str | None,
+        typer.Option(
+            "--queue-priority",
+            metavar="NAME",
+            help="Kueue WorkloadPriorityClass; higher priorities are admitted first.",
+            show_default=False,
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option(
+            "--dry-run", help="Print the Campaign for Git or kubectl, without creating it."
+        ),
+    ] = False,
+    estimate: Annotated[
+        bool,
+        typer.Option(
+            "--estimate",
+            help="Print the estimated duration and cost, based on earlier campaigns of the .vast "
+            "file, without creating the campaign.",
+        ),
+    ] = False,
+    output: Annotated[
+        Literal["yaml", "json"],
+        typer.Option("-o", "--output", help="Output format of `--dry-run`."),
+    ] = "yaml",
+    log_tree: LogTree = False,
+    debug: Debug = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> int:
+    """Run a campaign on the cluster and wait until it completes.
+
+    Ctrl-C stops the display, not the campaign.
+    """
+    options = SubmitOptions(
+        select=config,
+        runs=runs,
+        image=image,
+        log_tree=log_tree,
+        debug=debug,
+        context=context,
+        queue=queue,
+        queue_priority=queue_priority,
+        parallelism=parallelism,
+        reuse=reuse,
+    )
+    document = ctx.obj.document()
+    if dry_run:
+        return _print_campaign(document, options, namespace, output)
+    if estimate:
+        print_estimate(document, options, context, namespace)
+        return ExitCode.OK
+    name = campaign_name(document, unique=True)
+    secrets = read_secrets(environment())
+    with connect(context, namespace) as kube:
+        submission = _prepare(kube, document, options, name)
+        if cleanup:
+            delete_finished(kube)
+        campaign = _submit(kube, submission, secrets)
+        say(f"Campaign {campaign.name} was created in the namespace {kube.namespace}.")
+        secrets.create(kube, campaign.resource)
+        if detach:
+            _print_next_commands(kube, campaign)
+            return ExitCode.OK
+        return _follow(kube, campaign)
+
+
+def _print_campaign(
     document: Document, options: SubmitOptions, namespace: str | None, form: Literal["yaml", "json"]
 ) -> ExitCode:
     """Print the Campaign of a document, for Git."""
@@ -45,64 +176,20 @@ def print_campaign(
     return ExitCode.OK
 
 
-def run(
-    document: Document,
-    options: SubmitOptions,
-    context: str | None,
-    namespace: str | None,
-    *,
-    detach: bool,
-    clean_before: bool,
-) -> ExitCode:
-    """Run a campaign on a cluster.
-
-    Args:
-        document: the checked document.
-        options: settings in addition to the document.
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        detach: do not wait for the end.
-        clean_before: remove finished campaigns before.
-    """
-    name = campaign_name(document, unique=True)
-    told, shared = notifying.receivers(environment()), sharing.share_of(environment())
-    with connect(context, namespace) as kube:
-        submission = _prepared(kube, document, options, name)
-        if clean_before:
-            remove_finished(kube)
-        campaign = _submitted(kube, submission, told, shared)
-        say(f"Campaign {campaign.name} was created in the namespace {kube.namespace}.")
-        notifying.begin(kube, campaign.resource, told)
-        sharing.begin(kube, campaign.resource, shared)
-        if detach:
-            _say_next_commands(kube, campaign)
-            return ExitCode.OK
-        return _follow(kube, campaign)
-
-
-def _submitted(
-    kube: Kubernetes, submission: Submission, told: Mapping[str, str], shared: Mapping[str, str]
-) -> CampaignState:
-    """Create the Campaign of a document.
-
-    Args:
-        kube: the cluster.
-        submission: the document.
-        told: receivers of notifications (`notifying.receivers`).
-        shared: variables of the share for its results (`sharing.share_of`).
-    """
-    campaign = sharing.with_share(notifying.with_notifications(submission.campaign, told), shared)
+def _submit(kube: Kubernetes, submission: Submission, secrets: CampaignSecrets) -> CampaignState:
+    """Create the Campaign of a `.vast` file."""
+    campaign = secrets.add_to(submission.campaign)
     if submission.archive:
         _upload(kube, submission)
     try:
         return CampaignState(kube.create_campaign(campaign))
     except (KeyboardInterrupt, UnreachableError):  # it may have been created
-        _take_back(kube, CampaignState(campaign).name)
+        _delete_if_created(kube, CampaignState(campaign).name)
         raise
 
 
-def _take_back(kube: Kubernetes, name: str) -> None:
-    """Delete a Campaign, if it is there; say if it may be left."""
+def _delete_if_created(kube: Kubernetes, name: str) -> None:
+    """Delete a Campaign, if it exists; print a warning if it may still exist."""
     try:
         kube.delete_campaign(name)
     except NotFoundError:
@@ -114,9 +201,7 @@ def _take_back(kube: Kubernetes, name: str) -> None:
         )
 
 
-def _prepared(
-    kube: Kubernetes, document: Document, options: SubmitOptions, name: str
-) -> Submission:
+def _prepare(kube: Kubernetes, document: Document, options: SubmitOptions, name: str) -> Submission:
     queue = options.queue or (QUEUE if kube.has_queue(QUEUE) else None)
     chosen = replace(options, context=kube.context, queue=queue)
     return prepare_submission(document, chosen, name, kube.namespace)
@@ -135,7 +220,7 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
                 state = _next_state(kube, state)
     except KeyboardInterrupt:
         say(f"\nDisplay stopped. The campaign {campaign.name} continues in the cluster.")
-        _say_next_commands(kube, campaign)
+        _print_next_commands(kube, campaign)
         return ExitCode.INTERRUPTED
     if state is None:
         place = f"the cluster (namespace {kube.namespace})"
@@ -147,8 +232,8 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
     return state.exit_code
 
 
-def _say_next_commands(kube: Kubernetes, campaign: CampaignState) -> None:
-    """Print what can be done with a campaign that is being executed."""
+def _print_next_commands(kube: Kubernetes, campaign: CampaignState) -> None:
+    """Print commands for a running campaign."""
     say(f"Watch:    vast exec cluster monitor{kube.given}")
     say(f"Stop:     vast exec cluster stop -i {campaign.name}{kube.given}")
     say(f"Results:  {_download(kube, campaign)}")
@@ -171,7 +256,7 @@ def _upload(kube: Kubernetes, submission: Submission) -> None:
     archive = submission.archive
     assert archive is not None  # noqa: S101  # the caller looked
     say(f"Uploading the files of the .vast file ({len(archive.content) / 1e6:.1f} MB) …")
-    known = [CampaignState(item) for item in kube.campaigns()]
+    known = campaign_states(kube)
     with open_store(kube, installed_place(kube, known)) as store:
         store.make_bucket(BUNDLES_BUCKET)
         store.put_bytes(BUNDLES_BUCKET, archive.key, archive.content)

@@ -1,17 +1,22 @@
-"""`vast exec cluster runs`: which runs are executed now, which did not pass."""
+"""`vast exec cluster runs`: list the running and the unsuccessful runs."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
 from datetime import datetime
+from typing import Annotated
+
+import typer
 
 from robovast.campaign.run_record import RunRecord
 from robovast.kubeapi.pod_contract.pack_request import RUN
-from robovast_cli.commands.exec.cluster.logs import opened_runs
+from robovast_cli.commands.exec.cluster.logs import open_runs
+from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.pods import running_since, waiting_reason
 from robovast_cli.kube.runs import CampaignRuns, Executor
 from robovast_cli.kube.status import now
+from robovast_cli.lazy import examples
 from robovast_cli.ui.live_view import clock_time
 from robovast_cli.ui.output import say
 from robovast_cli.ui.table import format_table
@@ -19,21 +24,32 @@ from robovast_cli.ui.table import format_table
 COLUMNS = ["RUN", "STATE", "TIME", "POD", "NODE", "WHY"]
 
 
-def runs(context: str | None, namespace: str | None, name: str | None, *, failed: bool) -> None:
-    """Print the runs of a campaign that are executed now, and those that did not pass.
+@examples(
+    ("vast exec cluster runs", "List the runs of the only campaign"),
+    ("vast exec cluster runs hall-x7k2p --failed", "List failed and errored runs"),
+)
+def runs(
+    campaign: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="CAMPAIGN",
+            help="Campaign, required if the namespace has several.",
+            show_default=False,
+        ),
+    ] = None,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="List only failed and errored runs.")
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """List the running and the unsuccessful runs of a campaign.
 
-    Args:
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        name: of the campaign; the only one, or only unfinished one, when None.
-        failed: only those that did not pass.
-
-    Raises:
-        InputError: there is no such campaign.
+    Shows the pod of each running run, and the reason of each failed or errored run.
     """
-    with opened_runs(context, namespace, name) as (_, found):
-        rows = [] if failed else list(_executed(found))
-        rows += [_ended(run, record) for run, record in found.bad_records()]
+    with open_runs(context, namespace, campaign) as (_, found):
+        rows = [] if failed else list(_running(found))
+        rows += [_unsuccessful(run, record) for run, record in found.bad_records()]
         if rows:
             sys.stdout.write(format_table(COLUMNS, rows))
         elif failed:
@@ -42,11 +58,11 @@ def runs(context: str | None, namespace: str | None, name: str | None, *, failed
             say("No running and no unsuccessful runs.")
         if found.campaign is not None:
             say(f"{found.campaign.name}: {found.campaign.counts()}.")
-            for told in () if rows else found.campaign.messages:
-                say(f"    {told}")
+            for message in () if rows else found.campaign.messages:
+                say(f"    {message}")
 
 
-def _executed(found: CampaignRuns) -> Iterator[list[str]]:
+def _running(found: CampaignRuns) -> Iterator[list[str]]:
     if found.planned is None:
         return
     for executor in found.executors():
@@ -66,7 +82,7 @@ def _row(first: str, executor: Executor) -> list[str]:
     ]
 
 
-def _ended(run: str, record: RunRecord | None) -> list[str]:
+def _unsuccessful(run: str, record: RunRecord | None) -> list[str]:
     if record is None:
         return [run, "errored", "", "", "", "never stored"]
     return [run, record.verdict, clock_time(record.duration), "", record.host, record.reason]

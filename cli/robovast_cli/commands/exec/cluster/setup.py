@@ -6,7 +6,9 @@ import shutil
 from collections.abc import Sequence
 from copy import deepcopy
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import typer
 
 from robovast.base.errors import CannotRunError, InputError, StorageError
 from robovast.base.file_errors import writing
@@ -18,16 +20,29 @@ from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast_cli.commands.exec.cluster.chart import RELEASE, Helm, chart_folder
 from robovast_cli.kube.api import KUEUE, Kubernetes, connect
 from robovast_cli.kube.api_errors import NotInstalledError
-from robovast_cli.kube.status import CampaignState
+from robovast_cli.kube.options import Context, Namespace, SetupOptions, setup_config
+from robovast_cli.kube.status import campaign_states
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
 from robovast_cli.ui.table import format_table
 
 GROUP = "robovast.cluster_configs"
 _BY = "vast exec cluster setup "
 """Begins the description of a release that `setup` installed; the cluster configuration follows."""
+ConfigOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-o",
+        "--option",
+        metavar="KEY=VALUE",
+        help="Option of the cluster configuration, or value of the chart such as "
+        "`operator.replicas=2` (repeatable).",
+        show_default=False,
+    ),
+]
 
 
-def list_configs() -> None:
+def _list_configs() -> None:
     """Print every cluster configuration that is installed."""
     rows = []
     for name in sorted(plugins_of(GROUP)):
@@ -36,41 +51,66 @@ def list_configs() -> None:
     say(format_table(["CLUSTER CONFIG", "FOR"], rows).rstrip())
 
 
+@examples(
+    ("vast exec cluster setup --list", "List the cluster configurations"),
+    ("vast exec cluster setup minikube -n lab", "Install RoboVAST in the namespace lab"),
+)
 def setup(
-    name: str,
-    options: Sequence[str],
-    context: str | None,
-    namespace: str | None,
-    *,
-    force: bool,
+    cluster_config: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="CLUSTER_CONFIG",
+            help="Cluster configuration, for example `gcp`.",
+            show_default=False,
+        ),
+    ] = None,
+    list_: Annotated[
+        bool, typer.Option("--list", help="List the cluster configurations and exit.")
+    ] = False,
+    option: ConfigOption = None,
+    force: Annotated[
+        bool,
+        typer.Option(
+            "-f",
+            "--force",
+            help="Replace an installation with a different cluster configuration.",
+        ),
+    ] = False,
+    context: Context = None,
+    namespace: Namespace = None,
 ) -> None:
-    """Install or upgrade RoboVAST in a cluster.
-
-    Args:
-        name: the cluster configuration.
-        options: of it, as `key=value`; a key with dots is a value of the chart.
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        force: also when another cluster configuration was used before.
-    """
-    config, given, changes = _config(name, options)
+    """Install or upgrade RoboVAST in the cluster (requires Helm)."""
+    if list_ or cluster_config is None:
+        _list_configs()
+        return
+    config, given, changes = _load_config(cluster_config, option)
     with connect(context, namespace) as kube:
         helm = Helm(kube.namespace, kube.context)
-        _refuse_other(helm.installed(), name, force=force)
+        _refuse_other(helm.installed(), cluster_config, force=force)
         config.setup_cluster(namespace=kube.namespace, kube_context=kube.context, **given)
         say(f"Installing RoboVAST in the namespace {kube.namespace} …")
-        helm.install(_merge(_values(config, kube), changes), _BY + name)
+        helm.install(_merge(_values(config, kube), changes), _BY + cluster_config)
         config.verify_cluster_ready(namespace=kube.namespace, kube_context=kube.context)
     say("RoboVAST is ready. Run a campaign: vast exec cluster run")
 
 
-def cleanup(context: str | None, namespace: str | None, *, force: bool) -> None:
-    """Remove RoboVAST from a namespace.
+@examples(
+    ("vast exec cluster cleanup -n lab", "Delete the installation in the namespace lab"),
+    ("vast exec cluster cleanup --force", "Delete it while campaigns run"),
+)
+def cleanup(
+    force: Annotated[
+        bool, typer.Option("-f", "--force", help="Delete RoboVAST even if campaigns are running.")
+    ] = False,
+    _config: Annotated[str | None, setup_config("c")] = None,
+    _options: SetupOptions = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> None:
+    """Delete RoboVAST from the cluster, but keep Campaigns and CRDs.
 
-    Args:
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        force: also while campaigns run.
+    The results in the embedded storage are kept, unless the chart value `storage.embedded.keep`
+    is false. Requires Helm.
     """
     with connect(context, namespace) as kube:
         helm = Helm(kube.namespace, kube.context)
@@ -83,7 +123,7 @@ def cleanup(context: str | None, namespace: str | None, *, force: bool) -> None:
         _refuse_running(kube, force=force)
         helm.uninstall()
         if description.startswith(_BY):
-            config, _, _ = _config(description.removeprefix(_BY), [])
+            config, _, _ = _load_config(description.removeprefix(_BY), None)
             config.cleanup_cluster(namespace=kube.namespace, kube_context=kube.context)
     say(
         "RoboVAST was deleted. Campaigns and CRDs are kept. To delete them, run `kubectl delete "
@@ -91,39 +131,46 @@ def cleanup(context: str | None, namespace: str | None, *, force: bool) -> None:
     )
 
 
-def prepare_setup(name: str, options: Sequence[str], output: Path, namespace: str) -> None:
-    """Write everything with which RoboVAST is set up by hand.
-
-    Args:
-        name: the cluster configuration.
-        options: of it, as `key=value`; a key with dots is a value of the chart.
-        output: new or empty folder, or one that was written before.
-        namespace: where it will be installed.
-
-    Raises:
-        StorageError: the folder cannot be written, or holds something else.
-    """
-    config, given, changes = _config(name, options)
+@examples(
+    ("vast exec cluster prepare-setup chart --cluster-config gcp", "Write to the folder chart"),
+    ("vast exec cluster prepare-setup chart --cluster-config rke2 -n lab", "Use a namespace"),
+)
+def prepare_setup(
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
+    cluster_config: Annotated[
+        str,
+        typer.Option(
+            "--cluster-config",
+            metavar="NAME",
+            help="Cluster configuration, for example `gcp`.",
+        ),
+    ],
+    option: ConfigOption = None,
+    namespace: Annotated[
+        str,
+        typer.Option("-n", "--namespace", metavar="NAME", help="Namespace of the installation."),
+    ] = "default",
+) -> None:
+    """Write the chart, its values and instructions for a manual setup."""
+    config, given, changes = _load_config(cluster_config, option)
     values = _external_secret(config) | _kueue(config, is_there=False, context=None)
-    with writing(output):
-        if output.is_dir() and any(output.iterdir()) and not (output / "values.yaml").is_file():
-            raise StorageError(
-                f"{output} contains other files", hint="choose a new or empty folder"
-            )
-        output.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(output / RELEASE, ignore_errors=True)
-        shutil.copytree(chart_folder(), output / RELEASE)
-        (output / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
-        config.prepare_setup_cluster(str(output), namespace=namespace, **given)
-        (output / "README.md").write_text(_readme(name, config, namespace), encoding="utf-8")
-    say(f"Next: follow {output / 'README.md'}.")
+    with writing(out):
+        if out.is_dir() and any(out.iterdir()) and not (out / "values.yaml").is_file():
+            raise StorageError(f"{out} contains other files", hint="choose a new or empty folder")
+        out.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(out / RELEASE, ignore_errors=True)
+        shutil.copytree(chart_folder(), out / RELEASE)
+        (out / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
+        config.prepare_setup_cluster(str(out), namespace=namespace, **given)
+        (out / "README.md").write_text(_readme(cluster_config, config, namespace), encoding="utf-8")
+    say(f"Next: follow {out / 'README.md'}.")
 
 
-def _config(
-    name: str, options: Sequence[str]
+def _load_config(
+    name: str, options: Sequence[str] | None
 ) -> tuple[BaseConfig, dict[str, str], list[tuple[str, str]]]:
     """The cluster configuration, its options, and values of the chart."""
-    pairs = [_pair(option) for option in options]
+    pairs = [_pair(option) for option in options or ()]
     given = {key: value for key, value in pairs if "." not in key}
     config: BaseConfig = load_plugin(name, GROUP, ".")()
     config.restore_from_setup_kwargs(given)
@@ -165,7 +212,7 @@ def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
 
 def _refuse_running(kube: Kubernetes, *, force: bool) -> None:
     try:
-        campaigns = [CampaignState(item) for item in kube.campaigns()]
+        campaigns = campaign_states(kube)
     except NotInstalledError:
         return
     running = [campaign.name for campaign in campaigns if not campaign.finished]

@@ -5,42 +5,39 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
 
 from robovast.base.errors import CannotRunError
 from robovast.execution.contract import OUT
 from robovast.kubeapi.pod_contract.pack_request import RUN
-from robovast_cli.commands.exec.cluster.logs import campaign_and_run, opened_runs
+from robovast_cli.commands.exec.cluster.logs import RunNames, Secondary, open_runs, parse_names
+from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.pods import check_container, has_begun, waiting_reason
+from robovast_cli.lazy import examples
 
 SHELL = ("bash", "-c", f"cd {OUT} && exec bash")
 
 
+@examples(
+    ("vast exec cluster shell hall-1/0", "Open a shell in the main container"),
+    ("vast exec cluster shell hall-1/0 --secondary simulator", "Open one in another container"),
+)
 def shell(
-    context: str | None, namespace: str | None, words: Sequence[str], secondary: str | None
+    names: RunNames = None,
+    secondary: Secondary = None,
+    context: Context = None,
+    namespace: Namespace = None,
 ) -> int:
-    """Open a shell in the container of a run; returns its exit code.
-
-    Args:
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        words: the campaign, which may be left out, and the run.
-        secondary: name of a secondary container; the main one when None.
-
-    Raises:
-        InputError: there is no such campaign, run or container.
-        CannotRunError: the run is not executed now, or kubectl is missing.
-    """
-    campaign, run = campaign_and_run(words)
+    """Open a shell in the container of a running run (requires kubectl)."""
+    campaign, run = parse_names(names)
     if shutil.which("kubectl") is None:
         raise CannotRunError(
             "`kubectl`, which opens the shell, is not installed.", hint="install `kubectl`"
         )
     container = secondary or RUN
-    with opened_runs(context, namespace, campaign) as (kube, runs):
+    with open_runs(context, namespace, campaign) as (kube, runs):
         executor = runs.executor(run)
         if executor is None:
-            logs = " ".join(["vast exec cluster logs", *words]) + kube.given
+            logs = " ".join(["vast exec cluster logs", *(names or ())]) + kube.given
             raise CannotRunError(
                 f"{run} is not running", hint=f"run `{logs}` to see its log, or why it is pending"
             )

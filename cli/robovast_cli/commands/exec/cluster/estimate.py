@@ -14,7 +14,7 @@ from robovast.model.document import Document
 from robovast.model.estimate import Forecast, Spent, cores_of, forecast
 from robovast.model.expansion import compose, select_any
 from robovast_cli.kube.api import connect
-from robovast_cli.kube.status import CampaignState, now
+from robovast_cli.kube.status import CampaignState, campaign_states, now
 from robovast_cli.ui.live_view import clock_time
 from robovast_cli.ui.output import say
 
@@ -35,7 +35,7 @@ def print_estimate(
     """
     runs = _runs_of(document, options)
     with connect(context, namespace) as kube:
-        known = [CampaignState(item) for item in kube.campaigns()]
+        known = campaign_states(kube)
         cores = cores_of(document.vast.execution, kube.context or "")
     earlier = list(_like(document, known))
     workers = options.parallelism or _default_parallelism()

@@ -1,4 +1,4 @@
-"""`vast config generate`: writes a campaign as it is before its first run."""
+"""`vast config generate`: write a campaign as it is before its first run."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Annotated
 
 import typer
 
@@ -14,24 +15,38 @@ from robovast.base.errors import StorageError
 from robovast.base.file_errors import refuse_obstacle, writing
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations
-from robovast.model.document import Document
 from robovast.model.expansion import compose
+from robovast_cli.lazy import examples
+from robovast_cli.ui.table import counted
 from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
 
-def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool) -> None:
-    """Write `_config`, `_transient` and a folder for each configuration.
-
-    Args:
-        document: a checked document.
-        out: new or empty folder; equal documents give equal files.
-        keep_work: keep the folder that variation types work in.
-        use_cache: False hides from variation types what they stored earlier.
-
-    Raises:
-        StorageError: the folder holds something, or cannot be written.
-    """
+@examples(
+    ("vast config generate inputs", "Write all inputs to the folder inputs"),
+    ("vast config generate inputs --no-cache", "Do not use cached files"),
+)
+def generate(
+    ctx: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="New or empty folder.")],
+    keep_transient: Annotated[
+        bool,
+        typer.Option(
+            "--keep-transient",
+            help="Keep intermediate files of the variation types in OUT/_transient/work.",
+        ),
+    ] = False,
+    no_cache: Annotated[
+        bool,
+        typer.Option(
+            "--no-cache",
+            help="Use an empty cache ($XDG_CACHE_HOME is a new folder), so that variation types "
+            "create all files again.",
+        ),
+    ] = False,
+) -> None:
+    """Generate all inputs of a campaign without running them."""
+    document = ctx.obj.document()
     refuse_obstacle(out)
     with writing(out):
         out.mkdir(parents=True, exist_ok=True)
@@ -40,13 +55,13 @@ def generate(document: Document, out: Path, *, keep_work: bool, use_cache: bool)
                 f"cannot generate into {out}: the folder is not empty",
                 hint="choose a new folder, or empty this one",
             )
-        with _work_folder(out, keep_work) as work, _cache(use_cache):
+        with _work_folder(out, keep_transient) as work, _cache(not no_cache):
             with working(f"Expanding {document.source.file.name}") as tell:
                 composition = compose(document, work, tell)
             with working(f"Writing {len(composition.variants)} configurations") as tell:
                 write_configurations(document, composition, out, timings=False, tell=tell)
-    count = len(composition.variants)
-    typer.echo(f"Wrote {count} configuration{'s' if count != 1 else ''} to {shown(out)}.")
+    count = counted(len(composition.variants), "configuration")
+    typer.echo(f"Wrote {count} to {shown(out)}.")
 
 
 @contextlib.contextmanager

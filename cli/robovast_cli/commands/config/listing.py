@@ -1,11 +1,13 @@
-"""Configurations as a table, names, JSON or YAML; equal documents give equal bytes."""
+"""`vast config list`: configurations as a table, names, JSON or YAML."""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import typer
 
 from robovast.base.printable import printable_json
 from robovast.base.serialization import dump_yaml, spelled
@@ -13,20 +15,52 @@ from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
 from robovast.model.document.execution import Execution
 from robovast.model.expansion import Variant
+from robovast_cli.lazy import examples
 from robovast_cli.ui.expanding import expanded
-from robovast_cli.ui.table import WIDEST_CELL, format_table, shortened
+from robovast_cli.ui.table import WIDEST_CELL, counted, format_table, shortened
 
 Format = Literal["table", "name", "json", "yaml"]
 
 _to_json = json.JSONEncoder(ensure_ascii=False, default=str).encode
 
 
+@examples(
+    ("vast -V robot.vast config list", "Print a table"),
+    ("vast -V robot.vast config list -o json", "Print JSON"),
+)
+def list_(
+    ctx: typer.Context,
+    output: Annotated[Format, typer.Option("-o", "--output", help="Output format.")] = "table",
+    debug: Annotated[
+        bool,
+        typer.Option(
+            "--debug",
+            help="Also show keys that start with `_`: entry, files and variations of each "
+            "configuration, and internal values of variation types.",
+        ),
+    ] = False,
+) -> None:
+    """List the configurations of the .vast file."""
+    print_configurations(ctx.obj.document(), output, internal=debug)
+
+
+def gui(ctx: typer.Context, debug: Annotated[bool, typer.Option("--debug")] = False) -> None:
+    """List the configurations, as `vast config list`: RoboVAST has no built-in editor."""
+    typer.echo(
+        "note: `vast` has no editor for configurations. Use your own editor with the schema of "
+        "`vast config schema`, or draw configurations with `vast config view OUT`. The output "
+        "below comes from `vast config list`.",
+        err=True,
+    )
+    print_configurations(ctx.obj.document(), "table", internal=debug)
+
+
 def print_configurations(document: Document, output: Format, *, internal: bool) -> None:
-    """Print what a document expands to.
+    """Print the configurations of a document; equal documents give equal bytes.
 
     Args:
         document: a checked document.
-        output: how.
+        output: format of the output.
         internal: also show keys that begin with `_`.
     """
     with expanded(document) as variants:
@@ -94,8 +128,7 @@ def _count(document: Document, variants: Sequence[Variant]) -> str:
     total = len(variants) * execution.most_runs
     each = "1 run" if execution.runs == 1 else f"{runs_of_each(execution)} runs"
     most = "at most " if execution.test() is not None else ""
-    noun = "configuration" if len(variants) == 1 else "configurations"
-    return f"{len(variants)} {noun}, {each} each: {most}{total} in total"
+    return f"{counted(len(variants), 'configuration')}, {each} each: {most}{total} in total"
 
 
 _FORMATS: Mapping[Format, Callable[[Sequence[Variant], bool], str]] = {

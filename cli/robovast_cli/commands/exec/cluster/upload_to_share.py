@@ -1,4 +1,4 @@
-"""`vast exec cluster upload-to-share`: finished campaigns go from the cluster to the share."""
+"""`vast exec cluster upload-to-share`: upload finished campaigns to the file share."""
 
 from __future__ import annotations
 
@@ -7,54 +7,86 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from robovast.base.errors import CannotRunError, ExitCode, InputError, RobovastError
 from robovast.kubeapi.resources import MANAGED_BY, MANAGED_LABEL, Scheduling
 from robovast.kubeapi.share_job import Upload, agent_image, share_variables
 from robovast.storage.folder_ownership import distinct_name
 from robovast.storage.shares.campaigns import SHARE_TYPE, Share, open_share
-from robovast_cli.commands.exec.cluster.share_jobs import follow, log_command, start
-from robovast_cli.commands.results.downloading import Results, named_results, results_of
+from robovast_cli.commands.exec.cluster.upload_jobs import follow, log_command, start
 from robovast_cli.kube.api import Kubernetes, connect
-from robovast_cli.kube.status import CampaignState, lookup
+from robovast_cli.kube.options import Context, Namespace
+from robovast_cli.kube.results import Results, named_results, results_of
+from robovast_cli.kube.status import CampaignState, campaign_states, lookup
+from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say
 
 
 @dataclass(frozen=True)
-class How:
+class UploadOptions:
     """Options for all uploaded campaigns."""
 
     force: bool
     """Replace existing archives on the share."""
     detach: bool
-    """Do not wait for the end."""
+    """Start the upload and exit."""
     image: str | None
-    """Image of the agent; None means that of the campaign's Jobs."""
+    """Image of the agent; None for the image of the campaign's Jobs."""
 
 
+@examples(
+    ("vast exec cluster upload-to-share", "Upload all finished campaigns"),
+    ("vast exec cluster upload-to-share -i hall-x7k2p --force", "Replace the archive of one"),
+)
 def upload_to_share(
-    context: str | None, namespace: str | None, names: Sequence[str], how: How
-) -> ExitCode:
-    """Upload the named campaigns, or all that are finished, each by a Job.
+    campaign: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-i",
+            "--campaign",
+            metavar="NAME",
+            help="Campaign, by its name or the name of its results folder (default: all finished "
+            "campaigns of the namespace) (repeatable).",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("-f", "--force", help="Replace existing archives on the file share.")
+    ] = False,
+    detach: Annotated[bool, typer.Option("--detach", help="Start the upload and exit.")] = False,
+    image: Annotated[
+        str | None,
+        typer.Option(
+            "--image",
+            help="Image of the RoboVAST agent, for example with your own share provider "
+            "(default: the agent image of the campaigns).",
+            show_default=False,
+        ),
+    ] = None,
+    context: Context = None,
+    namespace: Namespace = None,
+) -> int:
+    """Upload results of finished campaigns to the remote file share.
 
-    Args:
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
-        names: of Campaigns or results folders; none means all finished Campaigns.
-        how: what else was asked for.
+    The upload runs in the cluster. Ctrl-C stops only the display. Existing archives are kept.
 
-    Raises:
-        RobovastError: the share cannot be used; or one was not uploaded, and the others were.
+    ROBOVAST_SHARE_TYPE (nextcloud, webdav, sftp or gcs) and the variables of its type describe the
+    file share. Set them in the environment or in a `.env` file in this folder or above. The
+    documentation lists the variables on the page "Publish, merge, import and share results".
     """
+    options = UploadOptions(force, detach, image)
     with open_share() as share:
         share.verify()
         variables = share_variables(os.environ[SHARE_TYPE], share.provider, Path.cwd())
         with connect(context, namespace) as kube:
-            known = [CampaignState(item) for item in kube.campaigns()]
-            uploads = _Uploads(kube, share, variables, how)
+            known = campaign_states(kube)
+            uploads = _Uploads(kube, share, variables, options)
             try:
-                for results in _chosen(kube, known, names):
-                    uploads.upload(_told_apart(results, known))
+                for results in _select_results(kube, known, campaign or ()):
+                    uploads.upload(_rename_duplicate(results, known))
             except KeyboardInterrupt:
                 say("\nDisplay stopped. A started upload continues in the cluster.")
                 return ExitCode.INTERRUPTED
@@ -64,21 +96,21 @@ def upload_to_share(
 
 
 class _Uploads:
-    """Uploads one campaign after the other; a fault in one keeps none of the others."""
+    """Uploads campaigns in sequence; continues after an error."""
 
     def __init__(
-        self, kube: Kubernetes, share: Share, variables: Mapping[str, str], how: How
+        self, kube: Kubernetes, share: Share, variables: Mapping[str, str], options: UploadOptions
     ) -> None:
         self._kube = kube
         self._share = share
         self._variables = variables
-        self._how = how
+        self._options = options
         self.errors: list[RobovastError] = []
 
     def upload(self, results: Results) -> None:
         """Upload results, unless they are on the share."""
         name = results.name
-        if not self._how.force and self._is_there(name):
+        if not self._options.force and self._is_uploaded(name):
             say(f"{name}: exists on the file share; `--force` replaces it.")
             return
         try:
@@ -92,7 +124,7 @@ class _Uploads:
             campaign=name,
             bucket=results.bucket,
             endpoint=results.place.endpoint,
-            image=self._how.image or _agent_image(kube),
+            image=self._options.image or _agent_image(kube),
             region=results.place.region,
             secret=results.place.secret,
             owner=owner.resource if owner else None,
@@ -100,14 +132,14 @@ class _Uploads:
         )
         if not start(kube, upload, self._variables):
             say(f"{name}: another upload is in progress.")
-        if self._how.detach:
+        if self._options.detach:
             say(f"{name}: upload started. Log: {log_command(kube, upload.job)}")
             return
         follow(kube, upload.job, name, lambda line: say(f"{name}: {line}"))
-        with suppress(CannotRunError):  # who may not delete it leaves that to its time to live
+        with suppress(CannotRunError):  # without permission, Kubernetes deletes it later
             kube.delete_job(upload.job)
 
-    def _is_there(self, name: str) -> bool:
+    def _is_uploaded(self, name: str) -> bool:
         try:
             return self._share.has(name)
         except RobovastError as error:
@@ -115,10 +147,10 @@ class _Uploads:
             return False
 
 
-def _chosen(
+def _select_results(
     kube: Kubernetes, known: Sequence[CampaignState], names: Sequence[str]
 ) -> list[Results]:
-    """Results by name, or those of all campaigns that are finished.
+    """Return results by name (default: of all finished campaigns).
 
     Raises:
         InputError: there is none, none of a name, or it is not finished.
@@ -145,8 +177,8 @@ def _chosen(
     return [results_of(campaign) for campaign in stored]
 
 
-def _told_apart(results: Results, known: Sequence[CampaignState]) -> Results:
-    """Results under a name that no other campaign of the namespace has."""
+def _rename_duplicate(results: Results, known: Sequence[CampaignState]) -> Results:
+    """Return results under a name that no other campaign of the namespace has."""
     alike = [campaign for campaign in known if campaign.folder == results.name]
     if len(alike) < 2 or results.campaign is None:
         return results

@@ -1,0 +1,53 @@
+"""Locate the results of a campaign in the object storage of a cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robovast.base.errors import CannotRunError
+from robovast.storage.bucket_ownership import find_bucket
+from robovast_cli.kube.api import Kubernetes
+from robovast_cli.kube.status import CampaignState, find_campaign, lookup
+from robovast_cli.kube.store import StorePlace, installed_place, open_store, place_of
+
+
+@dataclass(frozen=True)
+class Results:
+    """Results of a campaign in a store."""
+
+    name: str
+    """Name of the results folder."""
+    bucket: str
+    place: StorePlace
+    campaign: CampaignState | None = None
+    """None if it was deleted."""
+
+
+def named_results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -> Results:
+    """Find results by name, also if their Campaign was deleted.
+
+    Raises:
+        InputError: there are none, or several.
+        CannotRunError: the Campaign was rejected.
+    """
+    place = installed_place(kube, known)
+    if lookup(known, name) is None and place.endpoint:
+        with open_store(kube, place) as store:
+            found = find_bucket(store, name)
+        if found is not None:
+            bucket, owner = found
+            return Results(owner.campaign if owner is not None else name, bucket, place)
+    return results_of(find_campaign(known, name, kube.namespace))
+
+
+def results_of(campaign: CampaignState) -> Results:
+    """Return the results of a campaign.
+
+    Raises:
+        CannotRunError: the Campaign was rejected.
+    """
+    if not campaign.bucket:
+        why = "; ".join(campaign.messages)
+        raise CannotRunError(f"{campaign.name} has no results, because it was rejected: {why}")
+    return Results(campaign.folder, campaign.bucket, place_of(campaign), campaign)
