@@ -81,7 +81,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         if not value:
             raise InputError(
                 f"The environment variable {name} is not set",
-                hint=f"install the operator with its chart, which sets {name}",
+                hint=f"install the operator with the chart, which sets {name}",
             )
         return value
 

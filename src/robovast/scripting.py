@@ -102,8 +102,8 @@ def open_campaign(folder: str | Path) -> Campaign:
     found = find_campaigns(path)
     if found != [path]:
         raise InputError(
-            f"{path} is not a campaign, but contains {len(found)} campaigns: open one of them, "
-            f"for example {found[0].name}."
+            f"{path} is not a campaign, but contains {len(found)} campaigns",
+            hint=f"open one of them, for example {found[0].name}",
         )
     return Campaign(path)
 

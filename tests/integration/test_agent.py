@@ -929,7 +929,7 @@ def test_a_disk_that_is_full_before_the_runs_is_told_and_tried_again(
             file.write(bytes(2**24))
         assert pod.prepare() == 74
         assert re.fullmatch(
-            r"error: (\S+: )?the disk is full\. Free some space, then repeat it\.\n",
+            r"error: (\S+: )?the disk is full\. Free some space, then repeat the command\.\n",
             pod.log("agent"),
         )
 

@@ -143,7 +143,7 @@ def test_a_budget_ends_it_and_more_goes_on(tmp_path: Path) -> None:
     assert (done.returncode, record(failing)["end"]) == (0, "minimal"), done.stdout
     resume = [VAST, "exec", "local", "run", "--resume", folder]
     done = subprocess.run(resume, capture_output=True, text=True)
-    assert (done.returncode, "Continue it with `vast minimise --resume`" in done.stderr) == (
+    assert (done.returncode, "hint: continue it with `vast minimise --resume`" in done.stderr) == (
         2,
         True,
     )
@@ -153,10 +153,13 @@ def test_what_cannot_be_minimised_is_one_message(tmp_path: Path) -> None:
     sound = campaign(tmp_path / "in")
     failing = sound / "hall-2" / "0"
     for words, said in (
-        ([sound / "hall-1" / "0"], "hall-1/0: passed; there is no failure to reduce."),
+        (
+            [sound / "hall-1" / "0"],
+            "hall-1/0: passed, so there is no failure to reduce\nhint: name a failed run",
+        ),
         ([sound / "hall-2" / "9"], "hall-2/9: there is no such folder. Name the folder of a run"),
         ([failing, "--good", "0.5", "--bad", "0.2"], "--good must be less than --bad"),
-        ([failing, "--resume", sound], "`--resume` needs a folder that `vast minimise`"),
+        ([failing, "--resume", sound], "hint: use `--resume` with a folder that `vast minimise`"),
         ([failing, "--out", sound / "inside"], "which a replay leaves as it is"),
     ):
         code, text = minimise(*words)

@@ -182,7 +182,7 @@ def test_a_pattern_is_a_pattern_whatever_it_looks_like(page: ShownPage, pattern:
     launch = start(page, config=pattern).data
     end, lines = ended(page)
     assert (end["number"], end["code"]) == (launch["number"], 2)
-    assert lines[0].startswith(f"error: no configuration matches `{pattern}`. There are 3")
+    assert lines[0].startswith(f"error: no configuration matches `{pattern}` (3 available)")
 
 
 @pytest.mark.parametrize(

@@ -187,7 +187,7 @@ def test_bad_options_and_folders_have_one_message(tmp_path: Path, campaign: Path
     skipped = vast("results", "postprocess", "-r", campaign.parent, "--skip", "poses")
     assert "--skip poses: there is no such command" in skipped.stderr
     missing = vast("results", "postprocess", "-r", campaign.parent, "-o", "none.vast")
-    assert missing.stderr == "error: none.vast: there is no such file.\n"
+    assert missing.stderr == "error: none.vast: there is no such file\nhint: check the path\n"
     assert "vast results postprocess" in vast("results", "query", "x", "-r", campaign).stderr
     listed = vast("results", "postprocess-commands").stdout
     assert "rosbags_tf_to_csv" in listed

@@ -151,8 +151,8 @@ class Bucket:
                 return number
         raise StorageError(
             f"{self.name}: the server reports that {MOST_JOBS:,} folders like "
-            f"`_jobs/{job_name(pack, 0)}` exist, more than can be. Check the server, or "
-            "a proxy on the way to it."
+            f"`_jobs/{job_name(pack, 0)}` exist, more than can be",
+            hint="check the server, or a proxy on the way to it",
         )
 
     def claim_of(self, pack: int, number: int) -> bytes:

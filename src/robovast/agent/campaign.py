@@ -87,8 +87,9 @@ def read_plan(path: Path) -> CampaignPlan:
         return CampaignPlan.model_validate_json(path.read_bytes())
     except (OSError, ValidationError) as error:
         raise PlanError(
-            f"{path}: is not a valid plan of this version: {error}. Operator and agent must have "
-            "the same version. Check whether only one of them was updated."
+            f"{path}: is not a valid plan of this version: {error}",
+            hint="operator and agent must have the same version. Check whether only one of them "
+            "was updated",
         ) from None
 
 
@@ -158,7 +159,8 @@ def _check_expansion(plan: CampaignPlan, variants: Sequence[Variant]) -> None:
             raise InputError(
                 f"{plan.document}: the configuration `{entry.name}` does not expand to the "
                 "planned configurations. A cause can be an update of operator and agent while "
-                "the campaign ran. Create another Campaign for the remaining runs."
+                "the campaign ran",
+                hint="create another Campaign for the remaining runs",
             )
 
 

@@ -47,7 +47,8 @@ def compose(folders: Folders) -> AgentExit:
     if len(message.text) > LIMIT - DIGEST_LIMIT:
         raise InputError(
             f"{campaign.plan.document}: has {len(entries)} configuration entries, more than a "
-            "campaign on a cluster can have when plugins expand it. Divide it into several."
+            "campaign on a cluster can have when plugins expand it",
+            hint="divide it into several",
         )
     layout = store_inputs(campaign, document, composition)
     inputs = files_below(layout.config)

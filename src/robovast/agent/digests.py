@@ -49,6 +49,7 @@ def check(name: str, found: str | None, planned: str) -> None:
     if found != planned:
         change = "is missing" if found is None else "is another"
         raise InputError(
-            f"{name}: {change}; the runs were planned with the one whose SHA-256 is {planned}. All "
-            "runs of a campaign have one input: put it back, or create another Campaign."
+            f"{name}: {change}; the runs were planned with the one whose SHA-256 is {planned}. "
+            "All runs of a campaign have one input",
+            hint="put it back, or create another Campaign",
         )

@@ -107,8 +107,9 @@ def _order() -> Order:
         return Order.model_validate_json(os.environ.get(NOTICE_VARIABLE, ""))
     except ValidationError as error:
         raise PlanError(
-            f"${NOTICE_VARIABLE} is not a valid notification of this version: {error}. Operator "
-            "and agent must have the same version. Check whether only one of them was updated."
+            f"${NOTICE_VARIABLE} is not a valid notification of this version: {error}",
+            hint="operator and agent must have the same version. Check whether only one of them "
+            "was updated",
         ) from None
 
 
@@ -123,8 +124,9 @@ def _address(receiver: Notification, folder: Path) -> Address:
         usable = False
     if not usable:
         raise InputError(
-            f"the URL of a notification target ({receiver.kind}) must start with http:// or "
-            "https://."
+            f"the URL of a notification target ({receiver.kind}) does not start with http:// or "
+            "https://",
+            hint="correct the URL in the Secret of the notification target",
         )
     user, password = unquote(parts.username or ""), unquote(parts.password or "")
     netloc = parts.netloc.rpartition("@")[2]
@@ -146,8 +148,8 @@ def _secret(file: Path, named: SecretKey | None) -> str:
     if not (text and text.isascii() and text.isprintable()):
         raise InputError(
             f"spec.notifications needs the Secret `{named.name}` with one line of ASCII under the "
-            f"key `{named.key}`. The Secret is missing, has no such line, or is not for campaigns "
-            f"(their names begin with `{SECRET_PREFIX}`)."
+            f"key `{named.key}`. The Secret is missing, has no such line, or is not for campaigns",
+            hint=f"create the Secret with a name that begins with `{SECRET_PREFIX}`",
         )
     return text
 

@@ -41,7 +41,7 @@ def prepare_apart(folders: Folders, request: PackRequest, stop: Event) -> int:
         return AgentExit.RUNS_LEFT
     if code < 0:
         raise KilledError(
-            f"the process that prepares the runs was ended by {signal.Signals(-code).name}. If it "
-            "needs more memory than the container `agent` has, divide the document."
+            f"the process that prepares the runs was ended by {signal.Signals(-code).name}",
+            hint="if it needs more memory than the container `agent` has, divide the document",
         )
     return code

@@ -252,7 +252,9 @@ def _fill_config(campaign: Campaign, pack: Pack, left: Sequence[Run], common: Pa
     build_config_folder(made, common, PackStart(0, tuple(left)), pack.scenario)
     for path in made.iterdir():
         if path.name == FOLDER:
-            raise InputError(f"{FOLDER}: this name among a run's inputs is RoboVAST's: rename it.")
+            raise InputError(
+                f"{FOLDER}: this name among a run's inputs is RoboVAST's", hint="rename it"
+            )
         os.rename(path, folders.config / path.name)
     if pack.first is not None:  # which may have some of the runs only
         write_parameters(folders, pack.first, pack.scenario)

@@ -152,8 +152,8 @@ class ProposedCampaign(GrowingPlan):
         if list(blocks[: len(self.planned)]) != list(self.planned):
             raise InputError(
                 f"{self.campaign.plan.bucket}/{SEARCH}: its batches are not those that the runs "
-                "were planned with. They are written once and never changed: restore them from a "
-                "copy, or create another Campaign."
+                "were planned with. They are written once and never changed",
+                hint="restore them from a copy, or create another Campaign",
             )
         self.blocks = list(blocks)
 

@@ -120,8 +120,8 @@ class Results:
                 _remove(folder)
                 return record
         raise StorageError(
-            f"{run.path}: its record was replaced {WRITERS} times while it was stored. Does the "
-            "server support conditional writes (If-Match)?"
+            f"{run.path}: its record was replaced {WRITERS} times while it was stored",
+            hint="check that the server supports conditional writes (If-Match)",
         )
 
     def _settled(self, run: str, folder: Path, made: Callable[[], RunRecord]) -> RunRecord | None:

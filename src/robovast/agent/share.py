@@ -70,11 +70,14 @@ def _open(folder: Path) -> Share:
     variables = {path.name: _text(path) for path in paths}
     if not variables:
         raise InputError(
-            "the Secret that `spec.share` names is not in the campaign's namespace, or is empty. "
-            f"It must contain {SHARE_TYPE} and the settings of the file share."
+            "the Secret that `spec.share` names is not in the campaign's namespace, or is empty",
+            hint=f"create it with {SHARE_TYPE} and the settings of the file share",
         )
     if SHARE_TYPE not in variables:
-        raise InputError(f"{folder}: the Secret that describes the share has no {SHARE_TYPE}.")
+        raise InputError(
+            f"{folder}: the Secret that describes the share has no {SHARE_TYPE}.",
+            hint=f"add {SHARE_TYPE} to the Secret",
+        )
     os.environ.update(variables)
     return Share(load_provider(variables[SHARE_TYPE], folder))
 
@@ -90,8 +93,8 @@ def _text(path: Path) -> str:
         if b"\0" not in content:
             return content.decode()
     raise InputError(
-        f"{path}: a value in the Secret of the file share is not text. Name a file of a provider "
-        "differently from a variable, for example `key.p12`."
+        f"{path}: a value in the Secret of the file share is not text",
+        hint="name a file of a provider differently from a variable, for example `key.p12`",
     )
 
 

@@ -63,10 +63,16 @@ def _unpack(bundle: Bundle, store: ObjectStore, folders: Folders, target: Path) 
     content = store.read(bundle.bucket, bundle.key)
     name = f"{bundle.bucket}/{bundle.key}"
     if content is None:
-        raise InputError(f"the archive of the document's files, {name}, does not exist.")
+        raise InputError(
+            f"the archive of the document's files, {name}, does not exist.",
+            hint="correct spec.source.bundle, or upload the archive",
+        )
     found = hashlib.sha256(content).hexdigest()
     if found != bundle.sha256:
-        raise InputError(f"{name}: its SHA-256 is {found}; the campaign wants {bundle.sha256}.")
+        raise InputError(
+            f"{name}: its SHA-256 is {found}; the campaign wants {bundle.sha256}.",
+            hint="correct the SHA-256 in spec.source.bundle, or upload the archive again",
+        )
     from robovast.campaign.archive import unpack as unpack_archive  # which few campaigns need
 
     archive = folders.scratch / "bundle"
@@ -103,7 +109,9 @@ def _checkout(git: GitSource, folders: Folders, target: Path) -> None:
     shutil.rmtree(repository / ".git")  # it holds the URL, with whatever stands in it
     folder = Path(os.path.normpath(repository / git.path))
     if _leads_out(folder, repository) or not folder.is_dir():
-        raise InputError(f"{git.url}: `{git.ref}` has no folder `{git.path}`.")
+        raise InputError(
+            f"{git.url}: `{git.ref}` has no folder `{git.path}`.", hint="correct spec.source.git"
+        )
     _resolve_links(folder, repository)
     shutil.copytree(folder, target, dirs_exist_ok=True, symlinks=True)
 
@@ -153,6 +161,6 @@ def _leads_out(link: Path, folder: Path) -> bool:
 
 def _refused(link: Path) -> InputError:
     return InputError(
-        f"`{link}`, one of the document's files, is a link that leads out of them. Put the file "
-        "itself there, or a relative link to another one of them."
+        f"`{link}`, one of the document's files, is a link that leads out of them",
+        hint="put the file itself there, or a relative link to another one of them",
     )

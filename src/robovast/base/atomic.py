@@ -57,7 +57,7 @@ def write_report(path: Path, text: str | bytes) -> None:
     with writing(path):
         target = path.resolve() if path.is_symlink() else path
         if os.path.lexists(target) and not target.is_file():
-            raise StorageError(f"{path}: is a folder, device or pipe. Name a file.")
+            raise StorageError(f"{path}: is a folder, device or pipe", hint="name a file")
         write_atomically(target, text, lasting=False)
 
 
@@ -225,7 +225,10 @@ def explained(target: Path) -> Iterator[None]:
 def _refuse_taken(target: Path, *, replace: bool) -> None:
     _restore(target)
     if os.path.lexists(target) and not replace and (not target.is_dir() or any(target.iterdir())):
-        raise StorageError(f"{target} exists already; nothing was written.")
+        raise StorageError(
+            f"{target} exists already; nothing was written.",
+            hint="remove or rename it, or choose another name",
+        )
 
 
 @contextmanager

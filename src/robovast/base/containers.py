@@ -55,12 +55,12 @@ def check_engine(engine: str, instead: str) -> None:
         CannotRunError: it is not installed, or does not respond.
     """
     if shutil.which(engine) is None:
-        raise CannotRunError(f"there is no `{engine}` here: install it, or {instead}.")
+        raise CannotRunError(f"`{engine}` is not installed", hint=f"install it, or {instead}")
     result = call([engine, "info"])
     if not result.ok:
         raise CannotRunError(
-            f"{engine} does not answer ({result.last_error}). Is its daemon running, and may "
-            f"you use it? Or {instead}."
+            f"{engine} does not answer ({result.last_error})",
+            hint=f"check that its daemon is running and that you may use it, or {instead}",
         )
 
 
@@ -78,8 +78,8 @@ def fetch_image(engine: str, image: str, message: Callable[[str], None], build: 
     """
     if not re.match(IMAGE, image):
         raise CannotRunError(
-            f"`{image}` is not a valid image name: it is empty, has spaces or begins with `-`. "
-            "Choose an image with `--image`."
+            f"`{image}` is not a valid image name: it is empty, has spaces or begins with `-`",
+            hint="choose an image with `--image`",
         )
     if call([engine, "image", "inspect", image]).ok:
         return
@@ -87,8 +87,8 @@ def fetch_image(engine: str, image: str, message: Callable[[str], None], build: 
     result = call([engine, "pull", "--quiet", image])
     if not result.ok:
         raise CannotRunError(
-            f"the image {image} is not on this machine and cannot be pulled: "
-            f"{result.last_error}. Check its name, log in to its registry, or {build}."
+            f"the image {image} is not on this machine and cannot be pulled: {result.last_error}",
+            hint=f"check its name, log in to its registry, or {build}",
         )
 
 

@@ -61,10 +61,14 @@ class RobovastError(Exception):
 
 
 def with_hint(message: str, hint: str) -> str:
-    """Return a message and its hint as sentences of one text, as conditions and records need it."""
-    if not hint:
-        return message
-    return f"{_sentence(message)} {_sentence(hint[:1].upper() + hint[1:])}"
+    """Return a message and its hint as sentences of one text, as conditions and records need it.
+
+    Each may be empty. The hint of a message with several lines is another line.
+    """
+    if not (message and hint):
+        return message or hint
+    last = _sentence(hint[:1].upper() + hint[1:])
+    return f"{message}\n{last}" if "\n" in message else f"{_sentence(message)} {last}"
 
 
 def _sentence(text: str) -> str:

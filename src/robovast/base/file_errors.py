@@ -63,7 +63,7 @@ def refuse_obstacle(folder: Path) -> None:
     """Raise a StorageError if something else is in the place of a folder, or of its parents."""
     found = obstacle(folder)
     if found:
-        raise StorageError(f"{found}, and results go into a folder. Choose another place.")
+        raise StorageError(f"{found}, and results go into a folder", hint="choose another place")
 
 
 def obstacle(folder: Path) -> str:
@@ -122,7 +122,8 @@ def read_text(path: Path) -> str:
         return read_content(path).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path}: not a text file in UTF-8 (byte {error.start}): is it the right file?"
+            f"{path}: not a text file in UTF-8 (byte {error.start})",
+            hint="check that it is the right file",
         ) from None
 
 
@@ -139,6 +140,6 @@ def reading(path: Path | str) -> Iterator[None]:
         if os.path.islink(path):
             target = os.readlink(path)
             raise InputError(f"{path}: is a link to `{target}`, which does not exist.") from None
-        raise InputError(f"{path}: there is no such file.") from None
+        raise InputError(f"{path}: there is no such file", hint="check the path") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {cause(error)}.") from None

@@ -77,8 +77,9 @@ def lock_file(file: int, folder: Path, *, shared: bool = False, wait: bool = Fal
             raise
         raise StorageError(
             f"{folder}: its file system has no file locks ({error.strerror}), so programs could "
-            "overwrite each other's results. Use a folder on another file system, such as a local "
-            "disk, or mount it with locks (NFS: the option `local_lock=flock`)."
+            "overwrite each other's results",
+            hint="use a folder on another file system, such as a local disk, or mount it with "
+            "locks (NFS: the option `local_lock=flock`)",
         ) from None
     return True
 

@@ -63,8 +63,8 @@ class Extra:
         from robovast.base.installation import install_command
 
         return CannotRunError(
-            f"{what} needs the extra `{self.name}` ({package} is not installed): "
-            f"{install_command(self.name)}"
+            f"{what} needs the extra `{self.name}` ({package} is not installed)",
+            hint=f"run `{install_command(self.name)}`",
         )
 
 

@@ -147,10 +147,10 @@ def _load_entry_point(name: str, group: str) -> Any:
         from difflib import get_close_matches
 
         near = get_close_matches(name, known, n=1)
-        hint = f"Did you mean `{near[0]}`?" if near else f"Installed: {', '.join(sorted(known))}."
+        use = f"did you mean `{near[0]}`?" if near else f"use one of {', '.join(sorted(known))}."
         raise InputError(
-            f"there is no plugin `{name}` in {group}. {hint} A plugin in a file is written "
-            "`<path>.py:<name>`."
+            f"there is no plugin `{name}` in {group}",
+            hint=f"{use} A plugin in a file is written `<path>.py:<name>`",
         )
     with plugin_errors(lambda error: _failure(_what(known[name]), error)):
         return known[name].load()
@@ -195,7 +195,9 @@ def _failure(what: str, error: BaseException) -> RobovastError:
     if lacking := missing_extra(error, f"{what}: it"):
         return lacking
     if isinstance(error, ModuleNotFoundError):
-        return CannotRunError(f"{what}: the package `{error.name}` is not installed here.")
+        return CannotRunError(
+            f"{what}: the package `{error.name}` is not installed here.", hint="install it"
+        )
     if isinstance(error, RobovastError):
-        return type(error)(f"{what}: {error}")
+        return type(error)(f"{what}: {error.message}", hint=error.hint)
     return InputError(f"{what}: {type(error).__name__}: {error}")

@@ -201,8 +201,8 @@ class _Room:
             most = f"{self._most / 2**20:.0f} MiB, {self._expansion:g} times its size"
             raise InputError(
                 f"{self._archive}: rejected, because it unpacks to more than {most}. A malicious "
-                "archive can fill the disk. Nothing was imported. If you trust it, unpack it "
-                "with `tar` or `unzip` into the results folder."
+                "archive can fill the disk. Nothing was imported",
+                hint="if you trust it, unpack it with `tar` or `unzip` into the results folder",
             )
 
 
@@ -251,7 +251,7 @@ def _refused(archive: Path, name: str, why: str) -> InputError:
 def _members(archive: Path, room: _Room) -> Iterator[Iterator[Member]]:
     """The entries of an archive, which is open meanwhile."""
     if os.path.exists(archive) and not os.path.isfile(archive) and not os.path.isdir(archive):
-        raise InputError(f"{archive}: is not a regular file. Name the archive itself.")
+        raise InputError(f"{archive}: is not a regular file", hint="name the archive itself")
     try:
         with archive.open("rb") as file:
             begin = file.read(len(_ZIP[0]))
@@ -274,7 +274,8 @@ def _members(archive: Path, room: _Room) -> Iterator[Iterator[Member]]:
             raise
         raise InputError(
             f"{archive}: is not a campaign's archive, or is damaged or incomplete "
-            f"({_cause(error)}). Fetch it again."
+            f"({_cause(error)})",
+            hint="download it again",
         ) from error
 
 
@@ -287,8 +288,8 @@ def _cause(error: BaseException) -> str:
 def _refuse_unsupported(archive: Path, begin: bytes) -> None:
     if begin.startswith(_ZSTD):
         raise InputError(
-            f"{archive}: is compressed with zstd, which is not supported. Decompress it: "
-            f"`zstd -d {shlex.quote(str(archive))}`, and import the result."
+            f"{archive}: is compressed with zstd, which is not supported",
+            hint=f"decompress it: `zstd -d {shlex.quote(str(archive))}`, and import the result",
         )
 
 
@@ -302,7 +303,8 @@ def _read_to_the_end(archive: Path, tar: tarfile.TarFile) -> None:
         if rest.strip(b"\0"):
             raise InputError(
                 f"{archive}: has more content after the end of its archive, as several archives "
-                "in one file have. Split it, and import each one."
+                "in one file have",
+                hint="split it, and import each one",
             )
 
 
@@ -341,8 +343,8 @@ def _zip_members(archive: Path, zipped: zipfile.ZipFile) -> Iterator[Member]:
     for item in zipped.infolist():
         if item.flag_bits & _ENCRYPTED:
             raise InputError(
-                f"{archive}: is encrypted. Unpack it with its password, and import an archive "
-                "without one."
+                f"{archive}: is encrypted",
+                hint="unpack it with its password, and import an archive without one",
             )
         mode = item.external_attr >> 16
         link = stat.S_ISLNK(mode)

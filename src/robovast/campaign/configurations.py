@@ -197,5 +197,5 @@ def _validated(model: type[_ModelT], data: Any, path: Path) -> _ModelT:
         first = error.errors(include_url=False)[0]
         place = f"`{render_path(first['loc'])}`: " if first["loc"] else ""
         raise InputError(
-            f"{path}: is damaged: {place}{first['msg']}. Download the campaign again."
+            f"{path}: is damaged: {place}{first['msg']}", hint="download the campaign again"
         ) from None

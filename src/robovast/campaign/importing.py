@@ -53,7 +53,8 @@ def _check_names(archive: Path, campaign: Path) -> None:
     if campaign.name.startswith((".", "_")):
         raise InputError(
             f"{archive}: rejected, because its campaign is called `{campaign.name}`: names of "
-            "campaigns cannot begin with `.` or `_`. Nothing was imported."
+            "campaigns cannot begin with `.` or `_`. Nothing was imported",
+            hint="rename the campaign's folder, and pack it again",
         )
     for path in (campaign, *campaign.iterdir()):
         if one_line(path.name) != path.name:
@@ -64,8 +65,8 @@ def _check_names(archive: Path, campaign: Path) -> None:
     for run in Layout(campaign).misnumbered_runs():
         raise InputError(
             f"{archive}: rejected, because `{run}` cannot be the folder of a run. A run has a "
-            "number with at most nine digits and no leading zeros. Rename it. Nothing was "
-            "imported."
+            "number with at most nine digits and no leading zeros. Nothing was imported",
+            hint="rename the folder, and pack the campaign again",
         )
 
 
@@ -86,8 +87,8 @@ def _campaign_in(archive: Path, whole: Path) -> Path:
         return folder
     if len(several := [path.name for path in content if holds_campaign(path)]) > 1:
         raise InputError(
-            f"{archive}: contains {len(several)} campaigns ({_few(several)}). Create an archive "
-            "of each campaign. Nothing was imported."
+            f"{archive}: contains {len(several)} campaigns ({_few(several)}). Nothing was imported",
+            hint="create an archive of each campaign",
         )
     names = _few([path.name for path in content]) or "nothing"
     raise InputError(

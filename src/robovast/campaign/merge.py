@@ -104,8 +104,8 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
             runs.copy(name, group)
         if not runs.number:
             raise InputError(
-                f"nothing to merge: {_names(campaigns)} contain no completed run. "
-                "Select campaigns with results by `--campaign`."
+                f"nothing to merge: {_names(campaigns)} contain no completed run",
+                hint="select campaigns with results by `--campaign`",
             )
         _write_records(layout, [Layout(path) for path in campaigns], merged, runs)
     unidentified = tuple(p.path for p in parts if p.identifier is None)
@@ -118,7 +118,7 @@ def _check(campaigns: Sequence[Path]) -> None:
     names = [path.name for path in campaigns]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
-        raise InputError(f"two of the campaigns are named {twice}; rename the folder of one.")
+        raise InputError(f"two of the campaigns are named {twice}", hint="rename the folder of one")
     _check_origins(campaigns)
     _check_runs(campaigns)
 
@@ -131,7 +131,8 @@ def _check_origins(campaigns: Sequence[Path]) -> None:
             if origin in found:
                 raise InputError(
                     f"{found[origin]} and {path.name} both contain the runs of {origin}, which "
-                    "would occur twice; select the campaigns to merge with `--campaign`."
+                    "would occur twice",
+                    hint="select the campaigns to merge with `--campaign`",
                 )
             found[origin] = path.name
 
@@ -147,7 +148,8 @@ def _check_runs(campaigns: Sequence[Path]) -> None:
                 raise InputError(
                     f"{other} and {path.name} both contain the run "
                     f"{place.parent.name}/{place.name}, which would occur twice. One folder can "
-                    "be a copy of the other. Select the campaigns to merge with `--campaign`."
+                    "be a copy of the other",
+                    hint="select the campaigns to merge with `--campaign`",
                 )
 
 

@@ -51,8 +51,8 @@ def read_timeline(root: Path, relative: str) -> Timeline:
         for block in file.blocks:
             if bound.late() or not file.complete:
                 raise InputError(
-                    f"{relative} has too many records to be counted for a timeline. Convert it "
-                    "with `vast results postprocess`, or record fewer topics."
+                    f"{relative} has too many records to be counted for a timeline",
+                    hint="convert it with `vast results postprocess`, or record fewer topics",
                 )
             found = Counter((channel, time // _TICK) for channel, time in file.times(block))
             for (channel, tick), count in found.items():

@@ -97,8 +97,9 @@ class BucketLibrary(Library):
     def require_all(self, what: str) -> None:
         """Refuse what would need the files of all runs."""
         raise InputError(
-            f"{what} would need the files of all runs, which are in a bucket. Download them with "
-            "`vast results download`, and open them with `vast evaluation gui`."
+            f"{what} would need the files of all runs, which are in a bucket",
+            hint="download them with `vast results download`, and open them with `vast "
+            "evaluation gui`",
         )
 
     def _index(self, name: str) -> CampaignIndex:

@@ -25,7 +25,7 @@ def find_campaigns(results: Path) -> list[str]:
         folders = [entry for entry in os.scandir(results) if is_own_folder(entry)]
     except OSError as error:
         raise InputError(
-            f"{results}: cannot be read: {error.strerror}. Name the results folder with `-r`."
+            f"{results}: cannot be read: {error.strerror}", hint="name the results folder with `-r`"
         ) from None
     names = [entry.name for entry in folders if holds_campaign(Path(entry))]
     return sorted(names, key=lambda name: (name[-17:], name), reverse=True)  # by the time in it

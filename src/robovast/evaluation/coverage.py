@@ -123,7 +123,10 @@ def campaign_coverage(
     """
     entries = [entry for entry in document.vast.configuration or () if entry.variations]
     if not entries:
-        raise InputError(f"{document.path}: no configuration has variations.")
+        raise InputError(
+            f"{document.path}: no configuration has variations.",
+            hint="add `variations` to a configuration",
+        )
     return [_entry_coverage(document, entry, variants, buckets) for entry in entries]
 
 
@@ -180,11 +183,11 @@ class _Varied:
     def call(self) -> PluginCall:
         return (self.entry.variations or ())[self.position]
 
-    def problem(self, message: str, remedy: str) -> str:
+    def problem(self, message: str) -> str:
         """A message about it, with its place in the file."""
         index = (self.document.vast.configuration or []).index(self.entry)
         place = ("configuration", index, "variations", self.position)
-        return str(self.document.source.problem(place, message, remedy))
+        return str(self.document.source.problem(place, message))
 
 
 def _axis(
@@ -207,8 +210,8 @@ def _drawn(
     name = varied.call.parameters.get("name")
     if buckets is None or not isinstance(name, str):
         what = f"`{varied.call.name}` has random continuous values"
-        remedy = "Group them into intervals, for example with `--buckets 5`."
-        raise InputError(varied.problem(what, remedy))
+        hint = "group them into intervals, for example with `--buckets 5`"
+        raise InputError(varied.problem(what), hint=hint)
     found = [variant.parameters.get(name) for _, variant in own]
     numbers = [
         float(value) for value in found if isinstance(value, int | float) and abs(value) <= _LARGEST

@@ -73,7 +73,9 @@ def metric(
         InputError: there is no such table, column or aggregate, or it takes too long.
     """
     if aggregate not in AGGREGATES:
-        raise InputError(f"{aggregate!r} is not one of {', '.join(AGGREGATES)}.")
+        raise InputError(
+            f"{aggregate!r} is not a valid aggregate", hint=f"use one of {', '.join(AGGREGATES)}"
+        )
     with _opened(results, campaign) as connection:
         if column not in _tables(connection).get(table, ()):
             raise MissingError(f"There is no column {column} in a table {table}.")

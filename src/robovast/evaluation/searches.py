@@ -189,7 +189,10 @@ class ShownSearch:
         self._demand_map()
         space = self._search.search_space
         if across == down or not {across, down} <= set(space):
-            raise InputError("A map needs two different parameters of the search.")
+            raise InputError(
+                "A map needs two different parameters of the search.",
+                hint="choose two different parameters",
+            )
         found = self.stored.failure_map
         values = {name: at(dim, units.get(name, 0.5)) for name, dim in space.items()}
         base = [place(dim, values[name]) for name, dim in space.items()]

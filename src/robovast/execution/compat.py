@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robovast.base.errors import CannotRunError
+from robovast.base.errors import CannotRunError, with_hint
 from robovast.common.execution import COMPAT_VERSION
 
 VERSION_PATH = "/etc/robovast_compat_version"
@@ -12,8 +12,8 @@ INCOMPATIBLE = 78
 """Exit code of `COMPAT_SCRIPT` for incompatible images."""
 
 REMEDY = (
-    "Rebuild the image from container/robovast/Dockerfile of this RoboVAST (container/build.sh), "
-    "or use the RoboVAST that the image was built for."
+    "rebuild the image from container/robovast/Dockerfile of this RoboVAST (container/build.sh), "
+    "or use the RoboVAST that the image was built for"
 )
 
 
@@ -32,16 +32,18 @@ def check_compat(image: str, found: str | None) -> None:
     says = f"has version `{found.strip()}`" if found else f"has no version ({VERSION_PATH} missing)"
     raise CannotRunError(
         f"the image {image} is not compatible: RoboVAST here needs image interface version "
-        f"`{COMPAT_VERSION}`, the image {says}. {REMEDY}"
+        f"`{COMPAT_VERSION}`, the image {says}",
+        hint=REMEDY,
     )
 
 
+_INCOMPATIBLE = with_hint("$says", REMEDY)
 COMPAT_SCRIPT = f"""\
 found=$(cat {VERSION_PATH} 2>/dev/null)
 [ "$found" = "$EXPECTED" ] && exit 0
 [ -n "$found" ] && says="has version \\`$found\\`" || says="has no version ({VERSION_PATH} missing)"
 echo "the image $IMAGE is not compatible: RoboVAST here needs image interface version \\
-\\`$EXPECTED\\`, the image $says. {REMEDY}" | tee /dev/termination-log >&2
+\\`$EXPECTED\\`, the image {_INCOMPATIBLE}" | tee /dev/termination-log >&2
 exit {INCOMPATIBLE}
 """
 """`check_compat` as a shell script in the image; reads EXPECTED and IMAGE from the environment."""

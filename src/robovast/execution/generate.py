@@ -148,7 +148,9 @@ def _write_variant(layout: Layout, variant: Variant, scenario: str, identity: An
         with contextlib.suppress(FileExistsError):
             os.mkdir(path)
         if os.path.islink(path):
-            raise StorageError(f"{path}: is a link, and nothing is written through links.")
+            raise StorageError(
+                f"{path}: is a link, and nothing is written through links.", hint="remove the link"
+            )
     factors = {"factors": dict(variant.factors)} if variant.factors else {}
     _write_text(f"{own}/{VARIANT_RECORD}", dump_yaml({**identity, **factors}))
     _write_text(f"{own}/{SCENARIO_CONFIG}", dump_yaml({scenario: dict(variant.parameters)}))

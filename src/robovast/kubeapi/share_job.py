@@ -87,8 +87,8 @@ def share_variables(kind: str, provider: BaseShareProvider, folder: Path) -> dic
     wrong = next((name for name in given if not _VARIABLE.fullmatch(name)), None)
     if wrong is not None:
         raise InputError(
-            f"the share provider `{provider.SHARE_TYPE}` wants a variable `{wrong}` in its pod; "
-            "such a name is letters, digits and `_`."
+            f"the share provider `{provider.SHARE_TYPE}` wants a variable `{wrong}` in its pod",
+            hint="use a name of letters, digits and `_`",
         )
     variables = {name: str(value) for name, value in given.items()}
     parts = split_file_reference(kind)

@@ -204,12 +204,14 @@ def _check_amounts(document: Document, context: str | None) -> None:
     if context is None and needs_context(document):
         raise InputError(
             f"{document.source.file}: resources have a value for each cluster, by the context of "
-            "the kubeconfig. Select one with `--context`."
+            "the kubeconfig",
+            hint="select one with `--context`",
         )
     try:
         check_amounts(document.vast.execution, context or "")
     except InputError as error:
-        raise InputError(f"{document.source.file}: {error}") from None
+        message = f"{document.source.file}: {error.message}"
+        raise InputError(message, hint=error.hint) from None
 
 
 def _amounts(document: Document) -> Iterator[Any]:

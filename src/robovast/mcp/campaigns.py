@@ -184,7 +184,8 @@ class CampaignTools:
             if variant.name == configuration:
                 return variant
         raise MissingError(
-            f"{campaign} has no configuration {configuration}: `list_configurations` lists them."
+            f"{campaign} has no configuration {configuration}",
+            hint="call `list_configurations` to list them",
         )
 
 

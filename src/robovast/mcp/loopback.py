@@ -21,8 +21,9 @@ def listen(host: str, port: int) -> socket.socket:
     """
     if host not in _FAMILIES:
         raise InputError(
-            f"The server answers on this machine only (127.0.0.1 or ::1), not on {host}. From "
-            f"another machine, forward the port: ssh -L {port}:localhost:{port} <this machine>."
+            f"The server answers on this machine only (127.0.0.1 or ::1), not on {host}",
+            hint=f"from another machine, forward the port: ssh -L {port}:localhost:{port} <this "
+            "machine>",
         )
     listener = socket.socket(_FAMILIES[host], socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -32,6 +33,7 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         listener.close()
         raise InputError(
-            f"Port {port} of {host} cannot be used: {error.strerror}. Name another with `--port`."
+            f"Port {port} of {host} cannot be used: {error.strerror}",
+            hint="name another with `--port`",
         ) from None
     return listener

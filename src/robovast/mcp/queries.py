@@ -76,13 +76,17 @@ class QueryTools:
         """Folders of the campaigns that contain a file."""
         names = self._library.names()
         if campaign and campaign not in names:
-            raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")
+            raise MissingError(
+                f"There is no campaign {campaign}", hint="call `list_campaigns` to list them"
+            )
         root = self._library.results
         found = [
             root / name for name in ([campaign] if campaign else names) if _has(root, name, file)
         ]
         if not found:
-            raise InputError(f"no campaign has a {file}: `vast results postprocess` writes it.")
+            raise InputError(
+                f"no campaign has a {file}", hint="run `vast results postprocess` to write it"
+            )
         return found
 
 

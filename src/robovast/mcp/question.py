@@ -50,8 +50,8 @@ def answer(kind: Kind, campaigns: Sequence[Path], text: str = "") -> dict[str, A
     """
     if kind == "sparql" and "service" in _unescaped(text):
         raise InputError(
-            "SERVICE would query other servers, which is not allowed here; remove that word from "
-            "the query."
+            "SERVICE would query other servers, which is not allowed here",
+            hint="remove that word from the query",
         )
     question = {"kind": kind, "campaigns": [str(path) for path in campaigns], "text": text}
     try:
@@ -65,13 +65,15 @@ def answer(kind: Kind, campaigns: Sequence[Path], text: str = "") -> dict[str, A
             )
     except subprocess.TimeoutExpired:
         raise InputError(
-            f"the query was ended after {TIME_LIMIT:.0f} s; query fewer campaigns or less data."
+            f"the query was ended after {TIME_LIMIT:.0f} s",
+            hint="query fewer campaigns or less data",
         ) from None
     if not done.stdout:
         last = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2]
         raise CannotRunError(
             f"the query ended without an answer (code {done.returncode}): {last or 'no message'}. "
-            "It may need too much memory: ask for less."
+            "It may need too much memory",
+            hint="ask for less",
         )
     found: dict[str, Any] = json.loads(done.stdout)
     if "error" in found:

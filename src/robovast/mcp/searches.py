@@ -58,7 +58,9 @@ class SearchTools:
 
     def _batches(self, campaign: str) -> list[Batch]:
         if campaign not in self._library.names():
-            raise MissingError(f"There is no campaign {campaign}: `list_campaigns` lists them.")
+            raise MissingError(
+                f"There is no campaign {campaign}", hint="call `list_campaigns` to list them"
+            )
         root = self._library.results
         if not os.path.isdir(root / campaign / SEARCH):
             raise InputError(f"{campaign} is not a search, or has no proposal yet.")

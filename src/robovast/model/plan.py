@@ -73,8 +73,8 @@ def plan_variants(
     total = len(variants) * runs + sum(block.size for block in further)
     if total > RUNS_LIMIT:
         raise InputError(
-            f"the campaign would have {total:,} runs, more than {RUNS_LIMIT:,}: lower "
-            "`execution.runs`, or select fewer configurations."
+            f"the campaign would have {total:,} runs, more than {RUNS_LIMIT:,}",
+            hint="lower `execution.runs`, or select fewer configurations",
         )
     apart = format_breaks(breaks(variants))
     blocks = (Block(first_variant=0, variants=len(variants), runs=runs),) if total > 0 else ()

@@ -48,8 +48,8 @@ def resolve_per_context(value: Any, context: str, key: str) -> Any:
     values = {name: item for pair in value for name, item in pair.items()}
     if context not in values:
         raise InputError(
-            f"{key} has no value for `{context}`; it has values for {', '.join(values)}. Add "
-            f"`- {context}: …`, or give one value for all."
+            f"{key} has no value for `{context}`; it has values for {', '.join(values)}",
+            hint=f"add `- {context}: …`, or give one value for all",
         )
     return values[context]
 
@@ -80,19 +80,19 @@ def _read(parse: Callable[[Any], Number], value: Any, key: str, context: str) ->
         return None
     try:
         return parse(resolved)
-    except ValueError as error:
-        raise InputError(f"{key}: {error}") from None
+    except InputError as error:
+        raise InputError(f"{key}: {error.message}", hint=error.hint) from None
 
 
 def parse_cpus(value: Any) -> float:
     """CPU cores from `2`, `0.5` or `500m`.
 
     Raises:
-        ValueError: it is none of these.
+        InputError: it is none of these.
     """
     match = re.fullmatch(r"(\d+(?:\.\d+)?)(m?)", str(value).strip())
     if not match or not 0 < float(match[1]) <= _MOST:
-        raise ValueError(f"`{value}` is not a number of CPUs; write `2`, `0.5` or `500m`.")
+        raise InputError(f"`{value}` is not a number of CPUs", hint="write `2`, `0.5` or `500m`")
     return float(match[1]) / (1000 if match[2] else 1)
 
 
@@ -100,11 +100,11 @@ def parse_gpus(value: Any) -> int:
     """Number of GPUs.
 
     Raises:
-        ValueError: it is none.
+        InputError: it is none.
     """
     match = re.fullmatch(r"\d{1,10}", str(value).strip())
     if not match or int(match[0]) > _MOST:
-        raise ValueError(f"`{value}` is not a number of GPUs; write `0`, `1` or `2`.")
+        raise InputError(f"`{value}` is not a number of GPUs", hint="write `0`, `1` or `2`")
     return int(match[0])
 
 
@@ -112,7 +112,7 @@ def parse_memory(value: Any) -> int:
     """Memory [byte] from `8Gi`, `4096Mi` or a number of bytes.
 
     Raises:
-        ValueError: it is none of these.
+        InputError: it is none of these.
     """
     return int(_parse_bytes(value, "memory"))
 
@@ -121,7 +121,7 @@ def parse_memory_limit(value: Any) -> int:
     """Memory of a container [byte].
 
     Raises:
-        ValueError: it is no amount, or so small that its unit must have been forgotten.
+        InputError: it is no amount, or so small that its unit must have been forgotten.
     """
     return _not_tiny(value, _parse_bytes(value, "memory"))
 
@@ -130,7 +130,7 @@ def parse_disk(value: Any) -> int:
     """Disk of a pod [byte].
 
     Raises:
-        ValueError: it is no amount, or so small that its unit must have been forgotten.
+        InputError: it is no amount, or so small that its unit must have been forgotten.
     """
     return _not_tiny(value, _parse_bytes(value, "disk"))
 
@@ -138,10 +138,14 @@ def parse_disk(value: Any) -> int:
 def _parse_bytes(value: Any, what: str) -> float:
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([A-Za-z]*)", str(value).strip())
     if not match or match[2] not in _UNITS:
-        raise ValueError(f"`{value}` is not a valid quantity of {what}; write `8Gi` or `4096Mi`.")
+        raise InputError(
+            f"`{value}` is not a valid quantity of {what}", hint="write `8Gi` or `4096Mi`"
+        )
     found = float(match[1]) * _UNITS[match[2]]
     if found > _MOST_BYTES:
-        raise ValueError(f"`{value}` is more {what} than any machine has; write `8Gi` or `4096Mi`.")
+        raise InputError(
+            f"`{value}` is more {what} than any machine has", hint="write `8Gi` or `4096Mi`"
+        )
     return found
 
 
@@ -150,10 +154,10 @@ def _not_tiny(value: Any, found: float) -> int:
     if not 0 < found < LEAST:
         return int(found)
     given = str(value).strip()
-    meant = f"did you mean `{given}{'Gi' if found < 2**10 else 'Mi'}`?"
-    remedy = meant if given[-1].isdigit() else "write `8Gi` or `4096Mi`."
+    meant = f"write for example `{given}{'Gi' if found < 2**10 else 'Mi'}`"
+    hint = meant if given[-1].isdigit() else "write `8Gi` or `4096Mi`"
     size = f"{found:,.16g} bytes"
-    raise ValueError(f"`{value}` is {size}; no run can do with less than 1Mi: {remedy}")
+    raise InputError(f"`{value}` is {size}; no run can do with less than 1Mi", hint=hint)
 
 
 def shared_memory(size: Any, memory_limit: Any, context: str = LOCAL_CONTEXT) -> int | None:
@@ -173,7 +177,8 @@ def shared_memory(size: Any, memory_limit: Any, context: str = LOCAL_CONTEXT) ->
     if found is not None and (found <= 0 or found > (most or found)):
         raise InputError(
             f"{key}: `/dev/shm` is memory of the container: its size must be more than nothing, "
-            "and no more than `memory`."
+            "and no more than `memory`",
+            hint="increase `memory`, or choose a smaller `shm_size`",
         )
     return found
 
@@ -192,7 +197,8 @@ def gpu_resource(value: Any, context: str) -> str:
     found = str(resolve_per_context(value, context, key))
     if not re.fullmatch(EXTENDED_RESOURCE, found):
         raise InputError(
-            f"{key}: `{found}` is not a valid name of a resource, such as `nvidia.com/gpu`."
+            f"{key}: `{found}` is not a valid name of a resource",
+            hint="use for example `nvidia.com/gpu`",
         )
     return found
 
@@ -212,11 +218,9 @@ def disk(value: Any, context: str, most: str) -> int | None:
     found = _read(parse_disk, value, key, context)
     limit = memory(most, "agent.diskLimit") if most else None
     if found is not None and (found <= 0 or found > (limit or found)):
-        allowed = (
-            f" and no more than {most}, the limit of this installation; your administrator can "
-            "raise it (`agent.diskLimit` of the chart)"
-        )
-        raise InputError(f"{key}: a pod's disk must be more than nothing{allowed if most else ''}.")
+        allowed = f" and no more than {most}, the limit of this installation" if most else ""
+        hint = "ask your administrator to raise `agent.diskLimit` of the chart" if most else ""
+        raise InputError(f"{key}: a pod's disk must be more than nothing{allowed}", hint=hint)
     return found
 
 

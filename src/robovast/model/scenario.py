@@ -109,7 +109,10 @@ def read_scenarios(path: str | Path) -> list[Scenario]:
         if (match := _SCENARIO.match(head))
     ]
     if not scenarios:
-        raise InputError(f"{path} declares no scenario: a line `scenario <name>:` is missing")
+        raise InputError(
+            f"{path} declares no scenario: a line `scenario <name>:` is missing",
+            hint="add this line",
+        )
     return scenarios
 
 

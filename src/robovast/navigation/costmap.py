@@ -184,7 +184,8 @@ class Lattice:
         if count > _MOST_POSSIBLE:
             raise InputError(
                 f"a path through this map leads through one of {count:,} free cells; at most "
-                f"{_MOST_POSSIBLE:,} can be searched. Use a map with larger cells, or a part of it."
+                f"{_MOST_POSSIBLE:,} can be searched",
+                hint="use a map with larger cells, or a part of it",
             )
         self._nodes: Ints = np.full(there.shape, -1, np.int64)
         self._nodes[there] = np.arange(count)

@@ -212,13 +212,13 @@ class FloorplanGeneration(_FloorplanVariation):
             path = Path(os.path.realpath(Path(self.base_path) / file))
             if path.stem in names:
                 raise InputError(
-                    f"`{names[path.stem]}` and `{file}` have one name, and "
-                    "their maps would; rename one of them."
+                    f"`{names[path.stem]}` and `{file}` have one name, and their maps would",
+                    hint="rename one of them",
                 )
             if len(path.stem) > LONGEST_NAME:
                 raise InputError(
-                    f"the name of `{path.name[:20]}…` is too long for its map: rename the file, to "
-                    f"at most {LONGEST_NAME} characters."
+                    f"the name of `{path.name[:20]}…` is too long for its map",
+                    hint=f"rename the file, to at most {LONGEST_NAME} characters",
                 )
             names[path.stem] = file
             self._models.append(path)

@@ -111,7 +111,7 @@ def parse_description(content: bytes, name: str) -> Description:
     data = _mapping(content, name)
     for key in data.keys() - set(_KEYS):
         for meant in difflib.get_close_matches(str(key), _KEYS, n=1, cutoff=0.8):
-            raise InputError(f"the map {name}: there is no key `{key}`; write `{meant}`.")
+            raise InputError(f"the map {name}: there is no key `{key}`", hint=f"write `{meant}`")
     keys = _Keys(name, data)
     x, y = keys.origin()
     mode = keys.text("mode", "trinary").lower()
@@ -142,7 +142,9 @@ def _mapping(content: bytes, name: str) -> dict[Any, Any]:
         )
     for key, times in Counter(key.value for key, _ in node.value).items():
         if times > 1:
-            raise InputError(f"the map {name}: `{key}` occurs several times; remove all but one.")
+            raise InputError(
+                f"the map {name}: `{key}` occurs several times", hint="remove all but one"
+            )
     return data
 
 
@@ -344,10 +346,13 @@ def _check_tags(image: TiffImageFile, most_bits: int) -> None:
     tags = image.tag_v2
     turned, bits = tags.get(Base.Orientation, 1), tags.get(Base.BitsPerSample, (1,))
     if turned != 1:
-        raise InputError(f"has the TIFF orientation {turned}; save it upright, with orientation 1.")
+        raise InputError(
+            f"has the TIFF orientation {turned}", hint="save it upright, with orientation 1"
+        )
     if not set(bits) <= {1, most_bits} or set(tags.get(_SAMPLE_FORMAT, (1,))) != {1}:
         raise InputError(
-            f"has samples of {bits[0]} bits that are not supported; save it with 8 bits, unsigned."
+            f"has samples of {bits[0]} bits that are not supported",
+            hint="save it with 8 bits, unsigned",
         )
 
 

@@ -36,7 +36,7 @@ _NAME = re.compile(r"batch-([0-9]{4,})(|\.again|\.result)\.json")
 _EXACT = ConfigDict(extra="forbid", allow_inf_nan=False)
 _MOST = 128 << 20
 """Largest file [byte]: of `SETS_LIMIT` sets, each with a trace or hundreds of measures."""
-_RESTORE = "It is written once and never changed: restore it from a copy, or start a new search."
+_RESTORE = "restore it from a copy, since it is written only once, or start a new search"
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ class History:
             else:
                 continue
             there = self._layout.batch(number, part).name
-            raise InputError(f"{missing}: is missing, but {there} is there. {_RESTORE}")
+            raise InputError(f"{missing}: is missing, but {there} exists", hint=_RESTORE)
 
     def _checked(self, number: int, proposal: Proposal) -> Proposal:
         if not 0 <= proposal.ahead <= number:
@@ -304,4 +304,5 @@ class History:
             raise self._wrong(number, part, str(error)) from error
 
     def _wrong(self, number: int, part: str, why: str) -> InputError:
-        return InputError(f"{self._layout.batch(number, part)}: cannot be used: {why}. {_RESTORE}")
+        path = self._layout.batch(number, part)
+        return InputError(f"{path}: cannot be used: {why}", hint=_RESTORE)

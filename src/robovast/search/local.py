@@ -79,7 +79,10 @@ def execute_document(
 
 def _refuse_batches(document: Document, options: LocalOptions) -> None:
     if options.batches is not None:
-        raise InputError(f"{document.path}: has no `search`, and only a search has `--batches`.")
+        raise InputError(
+            f"{document.path}: has no `search`, and only a search has `--batches`.",
+            hint="add a `search`, or remove `--batches`",
+        )
 
 
 def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
@@ -131,7 +134,8 @@ def _refuse_fewer(layout: Layout, batches: int | None) -> None:
     done = len(History(layout).finished)
     if batches is not None and batches <= done:
         raise InputError(
-            f"{layout.root} has {done} batches; `--batches` counts them all: give more than {done}."
+            f"{layout.root} has {done} batches, and `--batches` counts all of them",
+            hint=f"use a number greater than {done}",
         )
 
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robovast.base.errors import InputError
-from robovast.model.document.problems import suggest
+from robovast.model.document.problems import as_hint, suggest
 from robovast.model.document.search.section import SearchDimension
 from robovast.model.document.search.space import at, place, ticks
 from robovast.search.results import StoredSearch
@@ -35,11 +35,13 @@ def draw_map(stored: StoredSearch, over: Sequence[str], fixed: Mapping[str, Any]
     """
     space = stored.search.search_space
     if unknown := [name for name in over if name not in space]:
-        remedy = suggest(unknown[0], space)
-        raise InputError(f"`{unknown[0]}` is not a dimension of the search space. {remedy}")
+        remedy = as_hint(suggest(unknown[0], space))
+        raise InputError(f"`{unknown[0]}` is not a dimension of the search space", hint=remedy)
     chosen = list(over or [name for name in space if name not in fixed][:2])
     if len(chosen) != 2 or chosen[0] == chosen[1]:
-        raise InputError("a map requires two different dimensions: --over NAME --over NAME.")
+        raise InputError(
+            "a map requires two different dimensions", hint="use `--over NAME --over NAME`"
+        )
     base, found = stored.middle(fixed), stored.failure_map
     drawn = found.over(chosen[0], chosen[1], base)
     axes = (drawn.across, drawn.down)
@@ -83,7 +85,9 @@ def encoded(figure: Figure, path: Path) -> bytes:
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in {"png", "svg"}:
-        raise InputError(f"{path}: the name of an image must end in .png or .svg.")
+        raise InputError(
+            f"{path}: the name of an image must end in .png or .svg", hint="use such a name"
+        )
     file = BytesIO()
     figure.savefig(file, format=kind, dpi=150)
     return file.getvalue()

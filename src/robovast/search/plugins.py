@@ -25,7 +25,9 @@ def search_of(document: Document) -> Search:
         InputError: it has none.
     """
     if document.vast.search is None:
-        raise InputError(f"{document.path}: has no `search`.")
+        raise InputError(
+            f"{document.path}: has no `search`.", hint="name a .vast file with a `search`"
+        )
     return document.vast.search
 
 

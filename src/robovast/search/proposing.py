@@ -119,9 +119,9 @@ def expand_sets(
         if len(made) != 1:
             raise InputError(
                 f"{document.path}: the `variations` of the search create {len(made)} "
-                f"configurations of the parameter set {params.values}, but must create exactly "
-                "one. Set every key that creates several configurations to a single value, such "
-                "as `num_paths: 1`."
+                f"configurations of the parameter set {params.values}, but must create exactly one",
+                hint="set every key that creates several configurations to a single value, such "
+                "as `num_paths: 1`",
             )
     return composition, {id_: names[f"c{id_}"][0] for id_ in unique}
 

@@ -14,7 +14,7 @@ from robovast.base.plugins import plugin_errors, raised
 from robovast.campaign.configurations import document_path, read_configurations
 from robovast.campaign.layout import Layout
 from robovast.model.document import load_document
-from robovast.model.document.problems import suggest
+from robovast.model.document.problems import as_hint, suggest
 from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import holds, place
 from robovast.search.ending import best_values
@@ -119,7 +119,8 @@ class StoredSearch:
         for name, value in fixed.items():
             if name not in space:
                 raise InputError(
-                    f"`{name}` is not a dimension of the search space. {suggest(name, space)}"
+                    f"`{name}` is not a dimension of the search space",
+                    hint=as_hint(suggest(name, space)),
                 )
             if not holds(space[name], value):
                 raise InputError(f"{name} = {value!r} is not in the search space.")
@@ -165,7 +166,9 @@ class StoredSearch:
         """
         found: dict[int, Evaluation] | None = getattr(self.strategy, "elites", None)
         if found is None:
-            raise InputError(f"the strategy `{self.search.strategy}` has no archive. Use `qd`.")
+            raise InputError(
+                f"the strategy `{self.search.strategy}` has no archive", hint="use `qd`"
+            )
         return found
 
     def best(self) -> Answer:
@@ -193,7 +196,7 @@ class StoredSearch:
         make = getattr(self.strategy, "map", None)
         if make is None:
             raise InputError(
-                f"the strategy `{self.search.strategy}` has no failure map. Use `boundary`."
+                f"the strategy `{self.search.strategy}` has no failure map", hint="use `boundary`"
             )
         with plugin_errors(lambda error: InputError(f"{self.document}: {error}.")):
             found: FailureMap = make()
@@ -210,5 +213,8 @@ def stored_search(campaign: Path) -> StoredSearch:
     document = load_document(document_path(layout, read_configurations(layout)))
     stored = StoredSearch(search_of(document), History(layout), document.path)
     if not stored.history.finished:
-        raise InputError(f"{campaign}: no batch of the search is finished yet.")
+        raise InputError(
+            f"{campaign}: no batch of the search is finished yet.",
+            hint="wait until a batch has finished",
+        )
     return stored

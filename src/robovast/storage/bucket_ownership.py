@@ -59,7 +59,9 @@ def find_bucket(store: ObjectStore, name: str) -> tuple[str, Owner | None] | Non
     ]
     if len(found) > 1:
         told = ", ".join(f"{bucket} of {owner or 'another tool'}" for bucket, owner in found)
-        raise InputError(f"several campaigns are called {name}; name the bucket of one: {told}.")
+        raise InputError(
+            f"several campaigns are called {name}", hint=f"name the bucket of one: {told}"
+        )
     return found[0] if found else None
 
 
@@ -113,7 +115,8 @@ def is_owned(store: ObjectStore, bucket: str, uid: str) -> bool:
     if found is not None and found.uid != uid:
         raise OtherOwnerError(
             f"the bucket {bucket} belongs to {found}, not to the one with the uid {uid}. Its "
-            "contents are neither read nor changed for another Campaign. Give this Campaign a "
-            "bucket of its own: another name, or another `spec.storage.prefix`."
+            "contents are neither read nor changed for another Campaign",
+            hint="give this Campaign a bucket of its own: another name, or another "
+            "`spec.storage.prefix`",
         )
     return found is not None

@@ -111,7 +111,9 @@ def open_run(store: ObjectStore, bucket: str, run: RunObjects) -> OpenedRun:
     key = f"{run.path}/{RUN_RECORD}"
     look = store.look(bucket, key)
     if look is None:
-        raise ObjectError(f"{bucket}/{key} is missing: it was removed during the download.")
+        raise ObjectError(
+            f"{bucket}/{key} is missing: it was removed during the download.", hint="download again"
+        )
     record = parse_run_record(look.content)
     if record is None or record.files is None:
         found = _files_beside(run)

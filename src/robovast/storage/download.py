@@ -24,7 +24,7 @@ from threading import Event, Lock
 from typing import Protocol, TypeVar
 
 from robovast.base.atomic import put_in_place
-from robovast.base.errors import RobovastError, StorageError
+from robovast.base.errors import RobovastError, StorageError, with_hint
 from robovast.base.file_errors import cause
 from robovast.base.locks import exclusive_folder
 from robovast.base.safe_paths import read_file
@@ -326,7 +326,10 @@ class _Fetching:
             names = sorted(self._broken)
             told = " ".join(f"{name}: {self._broken[name]}" for name in names[:MOST_TOLD])
             more = f" … and {len(names) - MOST_TOLD} more." if len(names) > MOST_TOLD else ""
-            raise StorageError(f"Downloaded all except {len(names)} runs or files. {told}{more}")
+            raise StorageError(
+                f"Downloaded all except {len(names)} runs or files. {told}{more}",
+                hint="repeat the command",
+            )
 
 
 @contextlib.contextmanager
@@ -364,10 +367,12 @@ def _explained(campaign: Path) -> Iterator[None]:
         yield
     except RobovastError as error:
         raise type(error)(
-            f"{error} The downloaded files are kept; repeat the command to continue."
+            f"{error.message.rstrip('.')}. The downloaded files are kept",
+            hint=with_hint(error.hint, "repeat the command to continue"),
         ) from error
     except OSError as error:
         raise StorageError(
             f"{error.filename or campaign}: cannot be written: {cause(error)}. The downloaded "
-            "files are kept; repeat the command to continue."
+            "files are kept",
+            hint="repeat the command to continue",
         ) from error

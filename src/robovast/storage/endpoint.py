@@ -58,9 +58,10 @@ def _read_key(path: Path) -> str:
         value = path.read_text(encoding="utf-8").strip()
     except OSError as error:
         raise StorageError(
-            f"{path}: cannot be read ({error.strerror}). The Secret with the S3 credentials needs "
-            "the keys `accessKey` and `secretKey`."
+            f"{path}: cannot be read ({error.strerror})",
+            hint="check that the Secret with the S3 credentials has the keys `accessKey` and "
+            "`secretKey`",
         ) from None
     if not value:
-        raise StorageError(f"{path}: is empty; it must hold a key of the S3 account.")
+        raise StorageError(f"{path}: is empty", hint="it must hold a key of the S3 account")
     return value

@@ -59,9 +59,9 @@ def occupy(folder: Path, owner: Owner | None) -> None:
     if not _is_free_for(folder, owner):
         found = _owner_of(folder)
         raise OtherOwnerError(
-            f"{folder} contains {found or 'a campaign of this machine, or of another tool'}, "
-            f"but the download belongs to {owner or 'another tool'}, so they are kept apart. "
-            "Download it to another folder."
+            f"{folder} contains {found or 'a campaign of this machine, or of another tool'}, but "
+            f"the download belongs to {owner or 'another tool'}, so they are kept apart",
+            hint="download it to another folder",
         )
     if owner is not None and _owner_of(folder) is None:
         (folder / OWNER).parent.mkdir(parents=True, exist_ok=True)

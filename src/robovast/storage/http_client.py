@@ -40,8 +40,8 @@ _SHORTEST_SECRET = 4
 class HttpError(StorageError):
     """A server refused a request."""
 
-    def __init__(self, message: str, status: int) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, status: int = 0, *, hint: str = "") -> None:
+        super().__init__(message, hint=hint)
         self.status = status
 
 
@@ -170,8 +170,8 @@ class HttpClient:
             data = None
         if not isinstance(data, dict):
             raise StorageError(
-                f"{self.name}: the answer is not a JSON object, so this is another kind of "
-                "server. Check the address."
+                f"{self.name}: the answer is not a JSON object, so this is another kind of server",
+                hint="check the address",
             )
         return data
 
@@ -187,12 +187,12 @@ class HttpClient:
             content = b""
         start = f"{self.name}: cannot {attempt}"
         error = refused(start, answer.status, answer.headers, content, self._remedies)
-        return HttpError(self._clean(str(error)), error.status)
+        return HttpError(self._clean(error.message), error.status, hint=self._clean(error.hint))
 
     def _unreachable(self, attempt: str, url: str, error: HTTPError) -> StorageError:
         reason = getattr(error, "reason", None) or error
-        message = str(unreachable(f"{self.name}: cannot {attempt}", url, reason))
-        return StorageError(self._clean(message))
+        found = unreachable(f"{self.name}: cannot {attempt}", url, reason)
+        return StorageError(self._clean(found.message), hint=self._clean(found.hint))
 
     def _clean(self, message: str) -> str:
         for secret in self._secrets:
@@ -218,9 +218,9 @@ def refused(
     known = {**_REMEDIES, **remedies}
     remedy = known.get(status) or known.get(status // 100 * 100, "")
     if status == 429 and wait:
-        remedy = f"It asks to wait for {wait} s."
+        remedy = f"wait for {wait} s, as the server asks"
     cause = f"{status}" + (f", {said}" if said else "")
-    return HttpError(f"{start} ({cause}). {remedy}".rstrip(), status)
+    return HttpError(f"{start} ({cause})", status, hint=remedy)
 
 
 def unreachable(start: str, url: str, reason: object) -> StorageError:
@@ -234,7 +234,8 @@ def unreachable(start: str, url: str, reason: object) -> StorageError:
     place = urlsplit(url)
     return StorageError(
         f"{start}: {place.scheme}://{place.netloc} does not answer as it should "
-        f"({str(reason).rpartition(': ')[2]}). Is the address right, and the network up?"
+        f"({str(reason).rpartition(': ')[2]})",
+        hint="check the address and the network",
     )
 
 
@@ -270,12 +271,12 @@ def _retry_after(answer: urllib3.BaseHTTPResponse) -> float:
 
 
 _REMEDIES = {
-    300: "Use the address that it names.",
-    401: "It does not accept the credentials.",
-    403: "The account must be allowed to do that.",
-    404: "Is the address right?",
-    413: "It is larger than the server accepts.",
-    429: "Too many requests; try again later.",
-    500: "The server has an internal error; try again later.",
-    507: "Free space on the server; stored data is kept.",
+    300: "use the address that it names",
+    401: "check the credentials, which the server does not accept",
+    403: "use an account that is allowed to do that",
+    404: "check the address",
+    413: "send less: the request is larger than the server accepts",
+    429: "try again later: the server gets too many requests",
+    500: "try again later: the server has an internal error",
+    507: "free space on the server; stored data is kept",
 }

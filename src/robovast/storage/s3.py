@@ -470,8 +470,8 @@ def _noted(headers: Mapping[str, Any], name: str) -> str:
 def _verify(name: str, noted: str, found: str) -> None:
     if noted and noted != found:
         raise ObjectError(
-            f"{name} is damaged: its SHA-256 is {found}, its writer recorded {noted}. If that "
-            "happens again, the object in the bucket is damaged."
+            f"{name} is damaged: its SHA-256 is {found}, its writer recorded {noted}",
+            hint="repeat the command; if it fails again, the object in the bucket is damaged",
         )
 
 
@@ -481,6 +481,6 @@ def _verify_size(name: str, expected: int, offset: int, headers: Mapping[str, st
     )
     if length is not None and offset + length != expected:
         raise ObjectError(
-            f"{name} is damaged: it has {offset + length} bytes, its writer recorded {expected}. "
-            "If that happens again, the object in the bucket is damaged."
+            f"{name} is damaged: it has {offset + length} bytes, its writer recorded {expected}",
+            hint="repeat the command; if it fails again, the object in the bucket is damaged",
         )

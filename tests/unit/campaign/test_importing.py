@@ -255,7 +255,7 @@ def test_a_file_of_another_kind_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("no archive\n" * 100)
     with pytest.raises(InputError) as caught:
         import_archive(tmp_path / "notes.txt", tmp_path / "results")
-    assert "(it does not begin like a tar or zip file). Fetch it again." in str(caught.value)
+    assert "(it does not begin like a tar or zip file). Download it again." in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

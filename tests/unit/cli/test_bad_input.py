@@ -191,8 +191,8 @@ def test_a_glob_that_matches_nothing_names_what_there_is(vast, sweep: Path) -> N
     outcome = vast("exec", "local", "run", "-c", "swep*", "out", "--runtime", "process")
     assert outcome.code == 2
     assert outcome.err == (
-        "error: no configuration matches `swep*`. There are 7, for example sweep; "
-        "`vast config list` shows all.\n"
+        "error: no configuration matches `swep*` (7 available)\n"
+        "hint: use for example sweep, or run `vast config list` to see all\n"
     )
     assert not (sweep.parent / "out").exists()
 
@@ -243,14 +243,18 @@ BAD = [
         "dangling is a link to `nowhere`, which leads nowhere, and results go",
     ),
     ([*RUN, "loop"], 5, "loop is a link to `loop`, which leads nowhere, and results go into a"),
-    ([*RUN, "/dev/null/x"], 5, "/dev/null is a device or a pipe, and results go into a folder."),
+    (
+        [*RUN, "/dev/null/x"],
+        5,
+        "/dev/null is a device or a pipe, and results go into a folder\nhint: choose",
+    ),
     (
         [*RUN, "/proc/x"],
         5,
-        "/proc/x: results cannot be written there: no folder can be created in it.",
+        "/proc/x: results cannot be written there: no folder can be created in it\nhint: choose",
     ),
     ([*RUN, "a" * 300], 5, "cannot be used (a name is too long), and results go into"),
-    ([*RUN, "b\udcff"], 5, "the path is not text in UTF-8."),
+    ([*RUN, "b\udcff"], 5, "the path is not text in UTF-8\nhint: choose"),
     (
         [*RUN, "fixed"],
         2,
@@ -261,12 +265,12 @@ BAD = [
     (
         [*RUN, "sweep-9-9"],
         2,
-        "no configuration matches `sweep-9-9`. There are 7, for example sweep",
+        "no configuration matches `sweep-9-9` (7 available)\nhint: use for example sweep",
     ),
-    ([*RUN, "x*"], 2, "no configuration matches `x*`. There are 7, for example sweep"),
+    ([*RUN, "x*"], 2, "no configuration matches `x*` (7 available)\nhint: use for example sweep"),
     ([*RUN, "--resume", "file"], 2, "/file is not a campaign's folder: "),
     ([*RUN, "--resume", "loop"], 2, "loop is a link to `loop`, which leads nowhere"),
-    ([*RUN, "--resume", "b\udcff"], 5, "the path is not text in UTF-8."),
+    ([*RUN, "--resume", "b\udcff"], 5, "the path is not text in UTF-8\nhint: choose"),
     (["-V", ".", "config", "check"], 2, ".: cannot be read: it is a folder"),
     (["-V", "dangling", "config", "check"], 2, "dangling: is a link to `nowhere`, which does not"),
     (
@@ -282,7 +286,11 @@ BAD = [
     ),
     (["exec", "cluster", "prepare-run", "file"], 5, "file is a file, and results go into"),
     (["results", "postprocess", "-r", "file"], 2, "file is a file\nhint: name a results folder"),
-    (["import-results", "file"], 2, "(it does not begin like a tar or zip file). Fetch it again."),
+    (
+        ["import-results", "file"],
+        2,
+        "(it does not begin like a tar or zip file)\nhint: download it again",
+    ),
     (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
     (
         ["exec", "cluster", "run", "-x", "lab"],
@@ -292,7 +300,11 @@ BAD = [
     (["exec", "cluster", "runs", "-n", "a/../b"], 2, "`a/../b` is not a valid namespace name"),
     (["exec", "cluster", "retry", "-n", "a?b=1"], 2, "`a?b=1` is not a valid namespace name"),
     (["exec", "cluster", "run", "--dry-run", "--queue", "Q_Q"], 2, "queue_name: must match"),
-    (["config", "export-configs", "none"], 2, "There are 7, for example sweep, fixed, sweep-1-1"),
+    (
+        ["config", "export-configs", "none"],
+        2,
+        "(7 available)\nhint: use for example sweep, fixed, sweep-1-1",
+    ),
 ]
 
 
@@ -322,10 +334,10 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
     outcome = vast("-V", "bad.vast", "config", "check")
     assert outcome.code == 2
     for said in (
-        "resources.cpu: `many` is not a number of CPUs; write `2`, `0.5` or `500m`.",
-        "resources.memory: `8Gx` is not a valid quantity of memory; write `8Gi` or `4096Mi`.",
-        "resources.shm_size: `much` is not a valid quantity of memory; write `8Gi` or `4096Mi`.",
-        "kubernetes.ephemeral_storage: `1GB` is not a valid quantity of disk; write `8Gi` or "
+        "resources.cpu: `many` is not a number of CPUs. Write `2`, `0.5` or `500m`.",
+        "resources.memory: `8Gx` is not a valid quantity of memory. Write `8Gi` or `4096Mi`.",
+        "resources.shm_size: `much` is not a valid quantity of memory. Write `8Gi` or `4096Mi`.",
+        "kubernetes.ephemeral_storage: `1GB` is not a valid quantity of disk. Write `8Gi` or "
         "`4096Mi`.",
     ):
         assert re.search(rf"^bad\.vast:\d+:\d+: execution\.{re.escape(said)}$", outcome.err, re.M)
@@ -334,10 +346,13 @@ def test_amounts_are_checked_before_a_campaign_begins(vast, folder: Path) -> Non
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("4", "`4` is 4 bytes; no run can do with less than 1Mi: did you mean `4Gi`?"),
-        ("4096", "`4096` is 4,096 bytes; no run can do with less than 1Mi: did you mean `4096Mi`?"),
-        ("0.5", "`0.5` is 0.5 bytes; no run can do with less than 1Mi: did you mean `0.5Gi`?"),
-        ("4k", "`4k` is 4,000 bytes; no run can do with less than 1Mi: write `8Gi` or `4096Mi`"),
+        ("4", "`4` is 4 bytes; no run can do with less than 1Mi. Write for example `4Gi`"),
+        (
+            "4096",
+            "`4096` is 4,096 bytes; no run can do with less than 1Mi. Write for example `4096Mi`",
+        ),
+        ("0.5", "`0.5` is 0.5 bytes; no run can do with less than 1Mi. Write for example `0.5Gi`"),
+        ("4k", "`4k` is 4,000 bytes; no run can do with less than 1Mi. Write `8Gi` or `4096Mi`"),
     ],
 )
 def test_an_amount_without_its_unit_is_refused_wherever_runs_begin(
@@ -345,6 +360,8 @@ def test_an_amount_without_its_unit_is_refused_wherever_runs_begin(
 ) -> None:
     amounts = f"  resources: {{memory: {given}}}\n  kubernetes: {{ephemeral_storage: {given}}}\n"
     (folder / "a.vast").write_text(HEAD + TAIL + amounts)
+    message, _, remedy = said.partition(". ")
+    hint = remedy[0].lower() + remedy[1:]
     checked = vast("-V", "a.vast", "config", "check")
     assert checked.code == 2
     for key in ("resources.memory", "kubernetes.ephemeral_storage"):
@@ -352,11 +369,11 @@ def test_an_amount_without_its_unit_is_refused_wherever_runs_begin(
     for begin in (["local", "run", "out"], ["local", "prepare-run", "out"]):
         outcome = vast("-V", "a.vast", "exec", *begin)
         assert outcome.code == 2
-        assert f"a.vast: execution.resources.memory: {said}" in outcome.err
+        assert f"a.vast: execution.resources.memory: {message}\nhint: {hint}\n" in outcome.err
         assert not (folder / "out").exists()
     outcome = vast("-V", "a.vast", "exec", "cluster", "run", "--dry-run")
     assert outcome.code == 2
-    assert f"a.vast: resources.memory of execution: {said}" in outcome.err
+    assert f"a.vast: resources.memory of execution: {message}\nhint: {hint}\n" in outcome.err
 
 
 def test_a_number_of_gpus_for_a_context_is_checked_wherever_runs_begin(vast, folder: Path) -> None:
@@ -417,10 +434,11 @@ def test_a_package_that_a_plugin_lacks_is_no_fault_of_the_file(
 def test_files_that_cannot_be_read(vast, folder: Path) -> None:
     (folder / "latin.vast").write_bytes(b"version: 1\nmetadata: {title: caf\xe9}\n")
     assert vast("-V", "latin.vast", "config", "list").err == (
-        "error: latin.vast: not a text file in UTF-8 (byte 32): is it the right file?\n"
+        "error: latin.vast: not a text file in UTF-8 (byte 32)\n"
+        "hint: check that it is the right file\n"
     )
     assert vast("-V", "none.vast", "config", "list").err == (
-        "error: none.vast: there is no such file\n"
+        "error: none.vast: there is no such file\nhint: check the path\n"
     )
     assert vast("-V", folder, "config", "list").code == 2
 

@@ -72,7 +72,7 @@ def test_an_archive_that_differs_is_replaced_on_demand(vast, results: Path) -> N
     target.write_text("old")
     outcome = vast("results", "publish", "--skip-postprocessing")
     assert outcome.code == 5
-    assert "`--force` or `overwrite: true` replaces it" in outcome.err
+    assert "\nhint: use `--force` or `overwrite: true` to replace it" in outcome.err
     assert target.read_text() == "old"
     assert vast("results", "publish", "--skip-postprocessing", "--force").code == 0
     assert zipfile.is_zipfile(target)
@@ -112,7 +112,7 @@ def test_another_file_can_say_what_to_publish(vast, results: Path, tmp_path: Pat
     [
         ("[]", 2, "there is nothing to publish"),
         ("[{zip: {file_name: x}}]", 2, "has no parameter `file_name`; it has filename,"),
-        ("[{zip: {filename: '{x}.zip'}}]", 2, "There are: robot, timestamp."),
+        ("[{zip: {filename: '{x}.zip'}}]", 2, "\nhint: use one of robot, timestamp\n"),
         ("[{zip: 7}]", 2, "x.vast:3:"),
         ("[ftp]", 2, "there is no plugin `ftp`"),
     ],
@@ -203,7 +203,7 @@ def test_a_share_is_listed_and_emptied(
     make_share(tmp_path, {NAME: 2048, "far-away": 10, "far-off": 20})
     outcome = vast("results", "list-share")
     assert outcome.code == 2
-    assert "there is no share: set ROBOVAST_SHARE_TYPE" in outcome.err
+    assert "there is no share\nhint: set ROBOVAST_SHARE_TYPE" in outcome.err
     monkeypatch.setenv("ROBOVAST_SHARE_TYPE", "share.py:Share")
     (tmp_path / ".env").write_text("MY_TOKEN=secret-77\n")
     outcome = vast("results", "list-share")

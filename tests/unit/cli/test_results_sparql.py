@@ -109,14 +109,14 @@ def test_nothing_to_ask_says_what_to_do_once(
 ) -> None:
     outcome = vast("results", "sparql", "failure-rate")
     assert outcome.code == 2
-    assert "`vast results metadata` writes it." in outcome.err
+    assert "\nhint: run `vast results metadata` to write it\n" in outcome.err
     assert f"{caplog.text}{outcome.err}".count("metadata.prov.json") == 1
 
 
 @pytest.mark.parametrize(
     ("query", "cause"),
     [
-        ("failure-rat", "Did you mean `failure-rate`?"),
+        ("failure-rat", "\nhint: did you mean `failure-rate`? A query"),
         ("latin.rq", "latin.rq: not a text file in UTF-8"),
         ("broken.rq", "the query is wrong"),
     ],

@@ -54,7 +54,7 @@ def test_what_is_no_campaign_is_refused(tmp_path: Path) -> None:
     with pytest.raises(robovast.RobovastError, match="contains no campaign"):
         robovast.open_campaign(tmp_path)
     finished_campaign(tmp_path, 1)
-    with pytest.raises(robovast.RobovastError, match="open one of them, for example camp-2026"):
+    with pytest.raises(robovast.RobovastError, match="Open one of them, for example camp-2026"):
         robovast.open_campaign(tmp_path)
 
 

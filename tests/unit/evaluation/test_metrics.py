@@ -86,7 +86,7 @@ def test_only_columns_that_are_there(results: Path, table: str, column: str) -> 
 
 
 def test_only_known_aggregates(results: Path) -> None:
-    with pytest.raises(InputError, match="is not one of mean"):
+    with pytest.raises(InputError, match=r"is not a valid aggregate\. Use one of mean"):
         metric(results, "hall", "poses", "x", "load_extension")
 
 

@@ -170,8 +170,8 @@ def test_a_wide_grey_can_be_transparent() -> None:
         ({"free_thresh": "0.7"}, "`free_thresh` must be at most `occupied_thresh`, 0.65, not 0.7"),
         ({"image": "[a]"}, "`image` must be text, not [a]"),
         ({"image": '"a\\0b"'}, "`image` must name an image file"),
-        ({"ocupied_thresh": "0.5"}, "there is no key `ocupied_thresh`; write `occupied_thresh`"),
-        ({"Negate": "1"}, "there is no key `Negate`; write `negate`"),
+        ({"ocupied_thresh": "0.5"}, "there is no key `ocupied_thresh`. Write `occupied_thresh`"),
+        ({"Negate": "1"}, "there is no key `Negate`. Write `negate`"),
     ],
 )
 def test_other_values_are_refused(keys: dict[str, str], said: str) -> None:

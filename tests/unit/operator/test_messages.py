@@ -15,6 +15,7 @@ import pytest
 from support.sentences import Watch, faults_of
 
 import robovast_operator
+from robovast.base.errors import with_hint
 from robovast_operator.kube.sentences import after_colon, clause, sentence, with_remedy
 from robovast_operator.pods.findings import Trouble
 
@@ -103,7 +104,15 @@ def made_in(scope: Sequence[ast.AST], names: Names) -> Iterator[tuple[str, str]]
             case _:
                 continue
         whys = [why for why in texts(reason, names) if GAP not in why] or ["Known"]
-        yield from ((why, text) for text in texts(message, names) for why in whys)
+        hints = [text for hint in hints_of(node) for text in texts(hint, names)] or [""]
+        found = {with_hint(text, hint) for text in texts(message, names) for hint in hints}
+        yield from ((why, text) for text in found for why in whys)
+
+
+def hints_of(node: ast.AST) -> Iterator[ast.expr]:
+    """Generate the hint of an error, which is the end of its message in a condition."""
+    if isinstance(node, ast.Call):
+        yield from (keyword.value for keyword in node.keywords if keyword.arg == "hint")
 
 
 def messages_of(source: str) -> set[tuple[str, str]]:

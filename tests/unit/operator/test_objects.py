@@ -294,7 +294,7 @@ def test_a_document_says_how_much_disk_a_pod_needs_within_what_is_allowed() -> N
     assert containers(job)["agent"]["resources"]["requests"]["ephemeral-storage"] == amount
     refused = accept(obj, FILES, replace(SETTINGS, work_limit="5Gi"))
     assert isinstance(refused, Rejected)
-    assert "no more than 5Gi, the limit of this installation; your" in refused.message
+    assert "no more than 5Gi, the limit of this installation. Ask your" in refused.message
     assert "`agent.diskLimit`" in refused.message
 
 
@@ -303,8 +303,8 @@ def test_a_document_says_how_much_disk_a_pod_needs_within_what_is_allowed() -> N
     [
         ({"resources": {"shm_size": "2Gi", "memory": "1Gi"}}, "no more than `memory`"),
         ({"resources": {"shm_size": 0}}, "more than nothing"),
-        ({"resources": {"memory": 4}}, "did you mean `4Gi`"),
-        ({"kubernetes": {"ephemeral_storage": 20}}, "did you mean `20Gi`"),
+        ({"resources": {"memory": 4}}, "Write for example `4Gi`."),
+        ({"kubernetes": {"ephemeral_storage": 20}}, "Write for example `20Gi`."),
         ({"kubernetes": {"gpu_resource": [{"gcp": "memory"}]}}, "not a valid name of a resource"),
         ({"kubernetes": {"ephemeral_storage": "much"}}, "not a valid quantity"),
     ],

@@ -62,7 +62,7 @@ def without(key: str) -> Any:
 def test_a_changed_batch_is_named(tmp_path: Path, part: str, change: Any) -> None:
     path = stored(tmp_path) / f"batch-0001{part}.json"
     path.write_text(change(json.loads(path.read_text())))
-    with pytest.raises(InputError, match=rf"batch-0001{part}\.json: .*restore it from a copy"):
+    with pytest.raises(InputError, match=rf"batch-0001{part}\.json: .*Restore it from a copy"):
         History(Layout(tmp_path))
 
 

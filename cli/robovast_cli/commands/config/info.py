@@ -152,7 +152,7 @@ def _wrong_amounts(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:
     for amount in (amount for item in items for amount in item.values() if amount is not None):
         try:
             parse(amount)
-        except ValueError as error:
+        except InputError as error:
             yield str(error)
 
 

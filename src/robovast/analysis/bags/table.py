@@ -135,8 +135,8 @@ class Table:
         if len(columns) * count_of_rows > _MOST_CELLS:
             raise InputError(
                 f"{self.path.name} would have {count_of_rows:,} rows of {len(columns):,} columns, "
-                f"more than {_MOST_CELLS:,} cells: the lengths of its arrays differ too much. "
-                "Exclude its topic, or convert the topic with your own command."
+                f"more than {_MOST_CELLS:,} cells: the lengths of its arrays differ too much",
+                hint="exclude its topic, or convert the topic with your own command",
             )
         title = self._title or str
         if self._title is not None:

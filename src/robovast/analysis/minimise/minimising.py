@@ -103,9 +103,9 @@ def minimise_run(
     )
     if not request.reductions:
         raise InputError(
-            f"{run.folder}: has no parameter to reduce. It needs a list, or a number, choice or "
-            "switch with a different value in a passing configuration or in the scenario's "
-            "defaults."
+            f"{run.folder}: has no parameter to reduce",
+            hint="use a run with a list, or with a number, choice or switch that has a "
+            "different value in a passing configuration or in the scenario's defaults",
         )
     session = begin_campaign(again, output, "minimise", test.most or 1, test)
     with explained(session.layout.root):
@@ -125,7 +125,8 @@ def continue_minimising(
     request = read_request(layout)
     if request.run != run.full_path or not request.fits(run.variant.parameters):
         raise InputError(
-            f"{campaign}: reduces {request.run}, not {run.full_path} as it is in {run.folder}."
+            f"{campaign}: reduces {request.run}, not {run.full_path} as it is in {run.folder}.",
+            hint="name the run that the folder reduces, or start again without `--resume`",
         )
     _refuse_other_steps(run, layout)
     session = execute_again(run, options, observer.message).session(layout)
@@ -143,19 +144,22 @@ def _refuse_other_steps(run: StoredRun, layout: Layout) -> None:
     if names != right or not same or any(found != files[0] for found in files):
         raise InputError(
             f"{layout.configurations}: was edited: its configurations are not the steps of "
-            f"reducing {run.full_path}. Restore the file, or start again without `--resume`."
+            f"reducing {run.full_path}",
+            hint="restore the file, or start again without `--resume`",
         )
 
 
 def _refuse_verdict(run: StoredRun) -> None:
     verdict = run.record.verdict
     if verdict is Verdict.PASSED:
-        raise InputError(f"{run.folder}: passed; there is no failure to reduce.")
+        raise InputError(
+            f"{run.folder}: passed, so there is no failure to reduce", hint="name a failed run"
+        )
     if verdict is not Verdict.FAILED:
         raise InputError(
             f"{run.folder}: {verdict} ({run.record.reason}), so the run does not show a fault of "
-            "the robot. Name a failed run. To check whether this run errors again, use "
-            "`vast replay`."
+            "the robot",
+            hint="name a failed run. To check whether this run errors again, use `vast replay`",
         )
 
 
@@ -222,9 +226,9 @@ class _Way:
         why = f"{first.outcome}: {first.reason}" if first.reason else first.outcome
         raise InputError(
             f"{self.request.run}: the failure is too rare to be reduced: {often} with its "
-            f"parameters, the first with its seed ({why}). For rare failures, lower `--bad` and "
-            "`--good`. To check whether the run is nondeterministic, use `vast replay --times "
-            "10`."
+            f"parameters, the first with its seed ({why})",
+            hint="lower `--bad` and `--good` for rare failures. To check whether the run is "
+            "nondeterministic, use `vast replay --times 10`",
         )
 
     def fails(self, parameters: Parameters) -> bool:

@@ -164,7 +164,7 @@ def read_request(layout: Layout) -> Request:
             "is damaged" if not isinstance(error, OSError) else f"cannot be read: {error.strerror}"
         )
         raise InputError(
-            f"{path}: {why}. `--resume` needs a folder that `vast minimise` created."
+            f"{path}: {why}", hint="use `--resume` with a folder that `vast minimise` created"
         ) from None
     reductions: list[Items | Ladder] = [
         Items(r.parameter) if isinstance(r, _Items) else Ladder(r.parameter, tuple(r.values))

@@ -184,7 +184,9 @@ def prepare(plugin: Any, request: Mapping[str, Any], provenance: Path) -> Callab
         parameters = {} if given else parameters
         plugin = _bound(plugin, own, (), given)()
     if not callable(plugin):
-        raise InputError(f"is a {type(plugin).__name__}, which cannot be called")
+        raise InputError(
+            f"is a {type(plugin).__name__}, which cannot be called", hint="write a function"
+        )
     signature = _signature(plugin)
     for name, value in {"provenance_file": str(provenance), **request["given"]}.items():
         if _takes(signature, name):

@@ -154,7 +154,7 @@ def skipped(calls: Iterable[PluginCall], names: Sequence[str]) -> list[PluginCal
         rest = [call for call in kept if not _is_called(call, name)]
         if len(rest) == len(kept):
             known = ", ".join(f"`{call.name}`" for call in kept) or "none"
-            raise InputError(f"--skip {name}: there is no such command; there are {known}.")
+            raise InputError(f"--skip {name}: there is no such command", hint=f"use one of {known}")
         kept = rest
     return kept
 

@@ -148,8 +148,8 @@ def _document(layout: Layout) -> Path | None:
     if named in found:
         return named
     raise InputError(
-        f"{layout.config} holds {len(found)} .vast files; name the one to use with "
-        "`--override FILE`."
+        f"{layout.config} holds {len(found)} .vast files",
+        hint="name the one to use with `--override FILE`",
     )
 
 

@@ -93,8 +93,8 @@ def opened(campaign: Path) -> Iterator[State]:
         with (folder / "lock").open("w") as lock:
             if not lock_file(lock.fileno(), folder):
                 raise StorageError(
-                    f"{campaign}: another `vast results postprocess` is processing it; wait for "
-                    "its end."
+                    f"{campaign}: another `vast results postprocess` is processing it",
+                    hint="wait for its end",
                 )
             with contextlib.closing(_connect(folder / FILE)) as connection:
                 yield State(connection)

@@ -33,7 +33,8 @@ def write_drawing(campaign_dir: Path) -> None:
         graph = json.loads(read_file(campaign_dir / GRAPH, most=MOST_OF_ALL))
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{campaign_dir / GRAPH}: cannot be read; `vast results metadata` writes it."
+            f"{campaign_dir / GRAPH}: cannot be read",
+            hint="run `vast results metadata` to write it",
         ) from error
     dot = campaign_dir / DOT
     with writing(campaign_dir):
@@ -47,8 +48,8 @@ def _draw(dot: Path, pdf: Path) -> None:
     program = shutil.which("dot")
     if program is None:
         raise CannotRunError(
-            f"{dot} is written, but Graphviz, which draws it, is missing: install `graphviz` "
-            "with the package manager of your system."
+            f"{dot} is written, but Graphviz, which draws it, is missing",
+            hint="install `graphviz` with the package manager of your system",
         )
     drawn = subprocess.run(
         [program, "-Tpdf", "-o", pdf, dot], capture_output=True, text=True, check=False

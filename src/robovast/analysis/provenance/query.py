@@ -39,10 +39,10 @@ def read_query(name: str) -> str:
     if name in known:
         return known[name]
     near = difflib.get_close_matches(name, known, n=1)
-    hint = f"Did you mean `{near[0]}`?" if near else f"There are: {', '.join(known)}."
+    use = f"did you mean `{near[0]}`?" if near else f"use one of {', '.join(known)}."
     raise InputError(
-        f"there is no query and no file `{name}`. {hint} A query of your own comes from a file, or "
-        "with `-` from standard input."
+        f"there is no query and no file `{name}`",
+        hint=f"{use} A query of your own comes from a file, or with `-` from standard input",
     )
 
 
@@ -101,8 +101,8 @@ class Graphs:
         with_graph = [campaign for campaign in campaigns if os.path.isfile(campaign / GRAPH)]
         if not with_graph:
             raise InputError(
-                f"no campaign has a {GRAPH} ({', '.join(str(c) for c in campaigns)}). "
-                "`vast results metadata` writes it."
+                f"no campaign has a {GRAPH} ({', '.join(str(c) for c in campaigns)})",
+                hint="run `vast results metadata` to write it",
             )
         for campaign in campaigns:
             if campaign in with_graph:
@@ -132,7 +132,7 @@ class Graphs:
             cause, expected, _ = str(error).partition(": expected one of")
             if expected:
                 cause += ": unexpected text, or something before it is missing"
-            raise InputError(f"the query is wrong: {cause}.{_advice(text)}") from None
+            raise InputError(f"the query is wrong: {cause}.", hint=_advice(text)) from None
         if isinstance(result, self._engine.QueryBoolean):
             return Answer(["answer"], [(bool(result),)])
         if isinstance(result, self._engine.QueryTriples):
@@ -146,7 +146,8 @@ class Graphs:
             self._store.load(path=str(file), format=self._engine.RdfFormat.JSON_LD)
         except (SyntaxError, ValueError, OSError) as error:
             raise InputError(
-                f"{file}: cannot be read: {error}. `vast results metadata` writes the file again."
+                f"{file}: cannot be read: {error}",
+                hint="run `vast results metadata` to write the file again",
             ) from None
         found = {row[0] for row in self.ask(_CAMPAIGNS)}
         fresh = found - self.campaigns.keys()
@@ -154,8 +155,9 @@ class Graphs:
             folders = ", ".join(str(folder) for folder in self.campaigns.values())
             raise InputError(
                 f"{file.parent} has the same IRI as a loaded campaign ({folders}), so their runs "
-                "could not be distinguished. Query them one by one, or give one another name or "
-                "another `metadata.dataset_iri`."
+                "could not be distinguished",
+                hint="query them one by one, or give one another name or another "
+                "`metadata.dataset_iri`",
             )
         self.campaigns.update(dict.fromkeys(fresh, file.parent))
 
@@ -198,19 +200,19 @@ def _advice(text: str) -> str:
     """Suggestions for a query that cannot be parsed."""
     bare = _COMMENT.sub("", _QUOTED.sub("", text))
     missing = bare.count("{") - bare.count("}")
-    advice = ""
+    advice = []
     if missing:
         side, kind = (missing, "}") if missing > 0 else (-missing, "{")
         noun = "is" if side == 1 else "are"
-        advice += f" {side} `{kind}` {noun} missing."
+        advice.append(f"{side} `{kind}` {noun} missing.")
     same = next((name for name, own in _queries().items() if _essence(own) == _essence(text)), None)
     if same is not None:
-        advice += f" `{same}` is the corrected query: `vast results sparql {same}`."
+        advice.append(f"`{same}` is the corrected query: `vast results sparql {same}`.")
     used = set(re.findall(r"(?<![\w:])([A-Za-z][\w-]*):[A-Za-z_]", bare))
     declared = set(re.findall(r"(?i)\bprefix\s+([\w-]*):", bare))
     if unknown := sorted(used - declared - PREFIXES.keys()):
-        advice += f" Unknown prefix: {', '.join(unknown)}; known are {', '.join(PREFIXES)}."
-    return advice
+        advice.append(f"Unknown prefix: {', '.join(unknown)}; known are {', '.join(PREFIXES)}.")
+    return " ".join(advice)
 
 
 def _essence(text: str) -> str:

@@ -84,7 +84,8 @@ def write_graph(campaign_dir: Path) -> Path:
     metadata = read_mapping(root / METADATA, findings, root.name, most=MOST_OF_ALL)
     if not isinstance(metadata.get("configurations"), list):
         raise InputError(
-            f"{root / METADATA} is missing or damaged; `vast results metadata` writes it."
+            f"{root / METADATA} is missing or damaged",
+            hint="run `vast results metadata` to write it",
         )
     _write_graph(root, metadata, read_configurations(root, Findings()), findings)
     _tell(root, GRAPH, findings)

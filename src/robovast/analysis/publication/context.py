@@ -42,8 +42,8 @@ class Campaign:
 
 def _refuse(path: Path) -> bool:
     raise StorageError(
-        f"{path} exists already and differs. `--force` or `overwrite: true` replaces it, "
-        "`overwrite: false` keeps it."
+        f"{path} exists already and differs",
+        hint="use `--force` or `overwrite: true` to replace it, or `overwrite: false` to keep it",
     )
 
 
@@ -104,8 +104,8 @@ def snapshot(campaign: Path) -> Path:
         found = [path for path in found if path.name == recorded]
     if not found:
         raise InputError(
-            f"{campaign}: `_config` does not contain the .vast file of the campaign. Name it with "
-            "`--override FILE`."
+            f"{campaign}: `_config` does not contain the .vast file of the campaign",
+            hint="name it with `--override FILE`",
         )
     return found[0]
 

@@ -42,14 +42,14 @@ class PublicationPlugin:
             function = _made(call.name, function)
         if not callable(function):
             raise InputError(
-                f"the publication plugin `{call.name}` is a {type(function).__name__}; it must be "
-                "a function, or a class whose objects can be called."
+                f"the publication plugin `{call.name}` is a {type(function).__name__}",
+                hint="write a function, or a class whose objects can be called",
             )
         kind = getattr(function, "plugin_type", PACKAGING)
         if kind not in {PACKAGING, UPLOAD}:
             raise InputError(
-                f"the publication plugin `{call.name}` has the plugin_type {kind!r}; it must be "
-                f"`{PACKAGING}` or `{UPLOAD}`."
+                f"the publication plugin `{call.name}` has the plugin_type {kind!r}",
+                hint=f"use `{PACKAGING}` or `{UPLOAD}`",
             )
         plugin = cls(call.name, function, kind, call.parameters)
         plugin._check_parameters()
@@ -107,8 +107,8 @@ class PublicationPlugin:
                 files = list(made)
             case _:
                 raise StorageError(
-                    f"the publication plugin `{self.name}` returned {returned!r}; it must return "
-                    "(success, message), or (success, message, files)."
+                    f"the publication plugin `{self.name}` returned {returned!r}",
+                    hint="return (success, message), or (success, message, files)",
                 )
         if not good:
             raise StorageError(f"the publication plugin `{self.name}` failed: {message}")
@@ -122,8 +122,9 @@ class PublicationPlugin:
         reserved = _OWN.intersection(self.parameters)
         if reserved:
             raise InputError(
-                f"the publication plugin `{self.name}` cannot be given `{min(reserved)}`: RoboVAST "
-                "supplies that."
+                f"the publication plugin `{self.name}` cannot be given `{min(reserved)}`: "
+                "RoboVAST supplies that.",
+                hint="remove the parameter",
             )
         unknown = [] if self._takes_any else sorted(set(self.parameters) - set(self._named))
         if unknown:

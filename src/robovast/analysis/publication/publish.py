@@ -73,7 +73,8 @@ def plan_publication(
     if not found:
         names = ", ".join(str(batch.settings.vast_file) for batch in batches.values())
         raise InputError(
-            f"there is nothing to publish: there is no `results_processing.publication` in {names}."
+            f"there is nothing to publish: there is no `results_processing.publication` in {names}",
+            hint="add it, or name a .vast file that has it with `--override FILE`",
         )
     return [replace(batch, plugins=_plugins(batch, known, options)) for batch in found]
 
@@ -117,7 +118,7 @@ def _plugins(batch: Batch, known: int, options: PublishOptions) -> tuple[Publica
         if not plugin.takes_context and len(batch.campaigns) < known:
             raise InputError(
                 f"the publication plugin `{plugin.name}` publishes the whole results folder, with "
-                f"{known} campaigns, not only {', '.join(item.name for item in batch.campaigns)}. "
-                "Move the others elsewhere, or publish all by one file with `--override FILE`."
+                f"{known} campaigns, not only {', '.join(item.name for item in batch.campaigns)}",
+                hint="move the others elsewhere, or publish all by one file with `--override FILE`",
             )
     return tuple(sorted(chosen, key=lambda plugin: plugin.kind == UPLOAD))

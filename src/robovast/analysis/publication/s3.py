@@ -88,8 +88,9 @@ class S3Upload:
 def _files(context: PublicationContext, *, unpacked: bool) -> Iterator[tuple[str, Path]]:
     if not unpacked and not context.files:
         raise InputError(
-            "there is nothing to upload to S3: put a plugin that packs, as `zip`, into "
-            "`results_processing.publication`, or set `unpacked: true`."
+            "there is nothing to upload to S3",
+            hint="put a plugin that packs, as `zip`, into `results_processing.publication`, or "
+            "set `unpacked: true`",
         )
     if not unpacked:
         yield from ((path.name, path) for path in context.files)
@@ -126,8 +127,9 @@ def _store(endpoint: str, region: str | None) -> ObjectStore:
     access, secret = next((keys for keys in found if all(keys)), (None, None))
     if not access or not secret:
         raise InputError(
-            "S3 needs the keys of an account in ROBOVAST_S3_ACCESS_KEY and ROBOVAST_S3_SECRET_KEY, "
-            "in the environment or a `.env` file."
+            "S3 needs the keys of an account",
+            hint="set ROBOVAST_S3_ACCESS_KEY and ROBOVAST_S3_SECRET_KEY in the environment or a "
+            "`.env` file",
         )
     return ObjectStore(
         Endpoint.parse(endpoint, region),

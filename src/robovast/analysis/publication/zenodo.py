@@ -86,8 +86,8 @@ class ZenodoUpload:
         elif upload.missing(deposit):
             raise StorageError(
                 f"{deposit.page} is published and cannot be changed; "
-                f"{', '.join(path.name for path in upload.missing(deposit))} would be new. Create "
-                "a new version there, and set `deposition` to its number."
+                f"{', '.join(path.name for path in upload.missing(deposit))} would be new",
+                hint="create a new version there, and set `deposition` to its number",
             )
         if publish and not deposit.published:
             deposit = upload.publish(deposit)
@@ -107,7 +107,10 @@ class _Upload:
         known = number or self._recorded()
         deposit = self._api.deposit(known) if known else None
         if deposit is None and number:
-            raise InputError(f"{self._address}: the account has no deposit {number}.")
+            raise InputError(
+                f"{self._address}: the account has no deposit {number}.",
+                hint="correct `deposition`",
+            )
         if deposit is None:
             deposit = self._api.make_draft()
             self._remember(deposit.id)
@@ -135,7 +138,7 @@ class _Upload:
         found = self._api.deposit(draft.id)
         if found is None or self.missing(found):
             raise StorageError(
-                f"{draft.page}: lacks some archives, so it was not published. Publish again."
+                f"{draft.page}: lacks some archives, so it was not published", hint="publish again"
             )
         return self._api.publish(draft)
 
@@ -154,8 +157,8 @@ class _Upload:
             return {}
         except (OSError, ValueError) as error:
             raise StorageError(
-                f"{self._record}: cannot be read ({error}). This file lists the existing drafts. "
-                "Remove the file to create new drafts."
+                f"{self._record}: cannot be read ({error}). This file lists the existing drafts",
+                hint="remove the file to create new drafts",
             ) from error
         return records if isinstance(records, dict) else {}
 
@@ -173,9 +176,10 @@ def _api(*, sandbox: bool) -> tuple[str, ZenodoApi]:
     token = variables.get(name)
     if not token:
         raise InputError(
-            f"Zenodo needs an access token in the variable {name}, in the environment or a `.env` "
-            "file. Create a token with the scopes `deposit:write` and `deposit:actions` at "
-            f"{address}/account/settings/applications."
+            "Zenodo needs an access token",
+            hint="create a token with the scopes `deposit:write` and `deposit:actions` at "
+            f"{address}/account/settings/applications, and set the variable {name} in the "
+            "environment or a `.env` file",
         )
     return address, ZenodoApi(address, token)
 
@@ -183,13 +187,16 @@ def _api(*, sandbox: bool) -> tuple[str, ZenodoApi]:
 def _files(context: PublicationContext) -> list[Path]:
     if not context.files:
         raise InputError(
-            "there is nothing to upload to Zenodo: put a plugin that packs, as `zip`, into "
-            "`results_processing.publication`."
+            "there is nothing to upload to Zenodo",
+            hint="put a plugin that packs, as `zip`, into `results_processing.publication`",
         )
     names = [path.name for path in context.files]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
-        raise InputError(f"two archives are named {twice}, but Zenodo knows no folders.")
+        raise InputError(
+            f"two archives are named {twice}, but Zenodo knows no folders.",
+            hint="give them different names with `filename`",
+        )
     return list(context.files)
 
 
@@ -212,8 +219,9 @@ def _metadata(campaigns: Sequence[Campaign], given: Mapping[str, Any]) -> dict[s
     creators = metadata.get("creators")
     if not creators or not isinstance(creators, list):
         raise InputError(
-            "Zenodo needs `creators` in the `metadata` of the document or of the plugin: a list of "
-            "names as `Family name, given names`, or of {name, affiliation, orcid}."
+            "Zenodo needs `creators`",
+            hint="add them to the `metadata` of the document or of the plugin: a list of names "
+            "as `Family name, given names`, or of {name, affiliation, orcid}",
         )
     metadata["creators"] = [
         creator if isinstance(creator, Mapping) else {"name": str(creator)} for creator in creators

@@ -21,8 +21,8 @@ from robovast.storage.shares.base import UploadProgressReader
 _JSON = {"Content-Type": "application/json"}
 _LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 _ACCOUNT_REMEDY = (
-    "Check the access token: it must be of this server (the sandbox has its own), and have the "
-    "scopes `deposit:write` and `deposit:actions`."
+    "check the access token: it must be of this server (the sandbox has its own), and have the "
+    "scopes `deposit:write` and `deposit:actions`"
 )
 
 
@@ -73,7 +73,10 @@ class ZenodoApi:
         """
         place = urlsplit(address)
         if place.scheme != "https" and place.hostname not in _LOOPBACK:
-            raise InputError(f"{address}: must begin with https, since it gets an access token.")
+            raise InputError(
+                f"{address}: does not begin with https, but gets an access token",
+                hint="use an address with https://",
+            )
         self._address = address.rstrip("/")
         self._place = (place.scheme, place.netloc)
         self._client = HttpClient(
@@ -147,7 +150,8 @@ class ZenodoApi:
         if found != md5_of(path):
             raise StorageError(
                 f"{self._client.name}: {path.name} arrived damaged, or changed during the upload "
-                f"(MD5 {found or 'unknown'}). Publish again."
+                f"(MD5 {found or 'unknown'})",
+                hint="publish again",
             )
 
     def publish(self, draft: Deposit) -> Deposit:

@@ -137,8 +137,8 @@ def _targets(
         target = folder / _file_name(template, campaign)
         if target in found:
             raise InputError(
-                f"{found[target].name} and {campaign.name} would both be packed into {target}; let "
-                "`filename` contain `{timestamp}`, or publish them one by one with `-i`."
+                f"{found[target].name} and {campaign.name} would both be packed into {target}",
+                hint="let `filename` contain `{timestamp}`, or publish them one by one with `-i`",
             )
         found[target] = campaign
     return [(campaign, target) for target, campaign in found.items()]
@@ -152,14 +152,16 @@ def _file_name(template: str | None, campaign: Campaign) -> str:
     unknown = [name for name in _PLACEHOLDER.findall(template) if name not in values]
     if unknown:
         raise InputError(
-            f"the `filename` of the publication plugin `zip` has the placeholder `{{{unknown[0]}}}`"
-            f", which is not in the document's `metadata`. There are: {', '.join(sorted(values))}."
+            "the `filename` of the publication plugin `zip` has the placeholder "
+            f"`{{{unknown[0]}}}`, which is not in the document's `metadata`",
+            hint=f"use one of {', '.join(sorted(values))}",
         )
     name = _PLACEHOLDER.sub(lambda match: values[match[1]], template)
     if "/" in name or name in {"", ".", ".."}:
         raise InputError(
             f"the `filename` of the publication plugin `zip` results in `{name}`, which is not a "
-            "file name. `destination` names the folder."
+            "file name",
+            hint="use `destination` for the folder",
         )
     return name
 
@@ -203,8 +205,8 @@ class _Archive:
         for inside, source in self._chosen():
             if inside in files or inside in links:
                 raise InputError(
-                    f"{self._campaign.name}: two files would be `{inside}` in the archive. Without "
-                    "`omit_hidden` they keep their folders apart."
+                    f"{self._campaign.name}: two files would be `{inside}` in the archive",
+                    hint="remove `omit_hidden`, which keeps their folders apart",
                 )
             if os.path.islink(source):
                 links[inside] = self._link(source)

@@ -32,5 +32,6 @@ def tables_in(store: ObjectStore, bucket: str, campaign: str) -> StoredTables:
             return StoredTables(campaign, found.size, partial(store.read_part, bucket, found))
     raise InputError(
         f"{campaign}: the bucket {bucket} contains no tables yet. They are created when all runs "
-        "have finished. `vast results download` downloads the stored runs."
+        "have finished",
+        hint="run `vast results download` to download the stored runs",
     )

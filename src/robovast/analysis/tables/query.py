@@ -82,7 +82,7 @@ def ask(campaigns: Sequence[Path | StoredTables], sql: str, most: int | None = N
     """
     duckdb = import_duckdb()
     if any("\ud800" <= sign <= "\udfff" for sign in sql):
-        raise InputError("the query is not text in UTF-8.")
+        raise InputError("the query is not text in UTF-8.", hint="save the query in UTF-8")
     with _attached(campaigns) as connection:
         try:
             found = connection.execute(_reading(connection, sql))
@@ -92,7 +92,7 @@ def ask(campaigns: Sequence[Path | StoredTables], sql: str, most: int | None = N
             return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
         except duckdb.Error as error:
             raise_failure(campaigns)
-            raise InputError(explained(str(error), sql, _columns(connection))) from None
+            raise explained(str(error), sql, _columns(connection)) from None
         except RuntimeError as error:  # how DuckDB reports Ctrl-C
             if "interrupted" not in str(error):
                 raise
@@ -109,15 +109,19 @@ def _reading(connection: DuckDBPyConnection, sql: str) -> Statement:
     """The one statement of a query; raises an InputError if it does more than read."""
     statements = connection.extract_statements(sql)
     if not statements:
-        raise InputError("the query is empty.")
+        raise InputError(
+            "the query is empty.", hint="write a query, for example `SELECT * FROM runs`"
+        )
     if len(statements) > 1:
-        raise InputError(f"a query is one statement; there are {len(statements)}. Ask one by one.")
+        raise InputError(
+            f"a query is one statement; there are {len(statements)}", hint="ask one by one"
+        )
     (statement,) = statements
     explained_one = _EXPLAIN.match(statement.query)
     if explained_one:  # ANALYZE executes it
         _reading(connection, statement.query[explained_one.end() :])
     elif statement.type.name not in _READ or _MAKES.match(statement.query):
-        raise InputError(f"the query is wrong: {ONLY_READS}")
+        raise InputError(f"the query is wrong: {ONLY_READS[0]}", hint=ONLY_READS[1])
     return statement
 
 
@@ -152,15 +156,15 @@ def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConn
             except duckdb.Error as error:
                 raise_failure(campaigns)
                 raise StorageError(
-                    f"{path}: cannot be read: {first_line(error).rstrip('.')}. `vast results "
-                    "postprocess --force` creates the file again."
+                    f"{path}: cannot be read: {first_line(error).rstrip('.')}",
+                    hint="run `vast results postprocess --force` to create the file again",
                 ) from error
             for table, part in parts.items():
                 name = names.setdefault(folded(table), table)
                 members.setdefault(name, []).append(part)
         if not members:
             raise InputError(
-                "there are no tables to query. Create them with `vast results postprocess`."
+                "there are no tables to query", hint="create them with `vast results postprocess`"
             )
         try:
             for table, united in members.items():
@@ -169,8 +173,8 @@ def _attached(campaigns: Sequence[Path | StoredTables]) -> Iterator[DuckDBPyConn
         except duckdb.Error as error:
             raise_failure(campaigns)
             raise StorageError(
-                f"the tables of these campaigns cannot be read together: {first_line(error)}. "
-                "`vast results postprocess --force` creates the tables again."
+                f"the tables of these campaigns cannot be read together: {first_line(error)}",
+                hint="run `vast results postprocess --force` to create the tables again",
             ) from error
         yield connection
 

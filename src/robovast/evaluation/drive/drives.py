@@ -198,7 +198,9 @@ class Drives:
         key = (bag, tuple(sorted(named.items())), states)
         kept = self._keep(key)
         if not kept.lock.acquire(timeout=_PATIENCE):  # several parts are asked for at once
-            raise InputError(f"{bag} is still being searched for another request. Try again later.")
+            raise InputError(
+                f"{bag} is still being searched for another request", hint="try again later"
+            )
         try:
             kept.drive = kept.drive or Drive(Recording(self._results, bag), named)
             return kept.drive

@@ -56,10 +56,14 @@ def bag_of(results: Path, place: str, named: Named) -> str:
         known = ", ".join(path.removeprefix(f"{place}/") for path in bags)
         raise MissingError(
             f"No bag's path ends with {named.bag}, which `evaluation.player.bag` names; the run "
-            f"has {known}."
+            f"has {known}.",
+            hint="correct `evaluation.player.bag`",
         )
     if bag is None:
-        raise MissingError("The run has no bag: no folder with .mcap or .db3 files.")
+        raise MissingError(
+            "The run has no bag: no folder with .mcap or .db3 files",
+            hint="record a bag to the output folder in the scenario",
+        )
     return bag
 
 

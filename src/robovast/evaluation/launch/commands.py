@@ -49,7 +49,9 @@ def read_choices(asked: Mapping[str, str]) -> Choices:
     if len(config) > LONGEST or not config.isprintable():
         raise InputError(f"A pattern has at most {LONGEST} characters, in one line.")
     if runtime not in RUNTIMES:
-        raise InputError(f"{runtime!r} is not a valid runtime; use one of {', '.join(RUNTIMES)}.")
+        raise InputError(
+            f"{runtime!r} is not a valid runtime", hint=f"use one of {', '.join(RUNTIMES)}"
+        )
     return Choices(config, _count(asked, "runs"), _count(asked, "jobs"), runtime)
 
 

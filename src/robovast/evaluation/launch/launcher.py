@@ -127,7 +127,9 @@ class Launcher:
         """
         with self._lock:
             if not self._ended.is_set():
-                raise BusyError("A campaign is being run from this page; wait for it, or stop it.")
+                raise BusyError(
+                    "A campaign is being run from this page", hint="wait for it, or stop it"
+                )
             self._record.unlink(missing_ok=True)
             self._child = self._open(words)
             number = self._launch.number + 1 if self._launch else 1

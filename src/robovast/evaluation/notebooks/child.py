@@ -47,7 +47,7 @@ def _work(folder: Path, request: dict[str, Any]) -> str:
     fault = execute(notebook, Path(request["notebook"]).parent, request["timeout"])
     html = html_of(notebook).encode("utf-8", "replace")
     if len(html) > LARGEST:
-        raise InputError(f"Its output is larger than {LARGEST >> 20} MiB; let it print less.")
+        raise InputError(f"Its output is larger than {LARGEST >> 20} MiB", hint="let it print less")
     (folder / "output.html").write_bytes(html)
     return fault
 

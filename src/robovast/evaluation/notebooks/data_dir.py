@@ -40,7 +40,10 @@ def read_notebook(content: bytes, data_dir: Path, batch: int | None = None) -> N
     for cell in cells:
         cell.outputs, cell.execution_count = [], None
     if not _set(cells, "DATA_DIR", str(data_dir)):
-        raise InputError("The notebook has no line `DATA_DIR = ''` for the path of its data.")
+        raise InputError(
+            "The notebook has no line `DATA_DIR = ''` for the path of its data",
+            hint="add this line to the notebook",
+        )
     if batch is not None:
         _set(cells, "BATCH", batch)
     return notebook

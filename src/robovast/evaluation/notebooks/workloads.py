@@ -43,7 +43,8 @@ class Notebook:
         except MissingError:
             raise MissingError(
                 f"{self.folder} holds no {self.path}, which `{self.workload}` names for a "
-                f"{self.scope}; name a .vast file that is up to date with `-o`."
+                f"{self.scope}",
+                hint="name a .vast file that is up to date with `-o`",
             ) from None
         except OutsideError:
             raise OutsideError(
@@ -166,7 +167,9 @@ def find_notebook(target: Target, workload: str | None, override: Path | None) -
             f"`evaluation.visualization` of {target.names[0]} names no notebook for a "
             f"{target.scope}."
         )
-    raise MissingError(f"Name one of the workloads {known}; not {workload or 'none'}.")
+    raise MissingError(
+        f"{workload or 'none'} is not a workload of the .vast file", hint=f"use one of {known}"
+    )
 
 
 def _own_document(target: Target) -> Path | None:
@@ -177,7 +180,7 @@ def _own_document(target: Target) -> Path | None:
         return None
     if len(found) > 1:
         raise InputError(
-            f"{layout.config} holds {len(found)} .vast files; name the one to use with `-o`."
+            f"{layout.config} holds {len(found)} .vast files", hint="name the one to use with `-o`"
         )
     return resolved(target.results, str(found[0].relative_to(target.results)))
 

@@ -158,7 +158,8 @@ def _listen(port: int | None) -> socket.socket:
     except OSError as error:
         listener.close()
         raise InputError(
-            f"Port {port} cannot be used: {error.strerror}. Name another, or none at all."
+            f"Port {port} cannot be used: {error.strerror}",
+            hint="name another with `--port`, or none at all",
         ) from None
     return listener
 

@@ -155,7 +155,9 @@ def recorded_runs(layout: Layout, given: int | None = None) -> PlannedRuns:
         if found.each:
             return found
     if given is None:
-        raise InputError(f"{path}: does not contain the number of planned runs; set `--runs`.")
+        raise InputError(
+            f"{path}: does not contain the number of planned runs", hint="set `--runs`"
+        )
     return PlannedRuns(given)
 
 
@@ -164,13 +166,13 @@ def recorded_seed(layout: Layout) -> int | None:
     record = read_mapping(layout.execution_record)
     if "replay_of" in record:
         raise InputError(
-            f"{layout.root} is a replay of {record['replay_of']}, which cannot be continued: "
-            "`vast replay` begins another one."
+            f"{layout.root} is a replay of {record['replay_of']}, which cannot be continued",
+            hint="start another one with `vast replay`",
         )
     if "minimise_of" in record:
         raise InputError(
-            f"{layout.root} reduces {record['minimise_of']}. Continue it with `vast minimise "
-            "--resume`."
+            f"{layout.root} reduces {record['minimise_of']}",
+            hint="continue it with `vast minimise --resume`",
         )
     found = record.get("seed")
     if found is None or type(found) is int:

@@ -38,15 +38,18 @@ def choose_runtime(
     """
     image = resolve_image(document, options)
     if options.runtime not in {*RUNTIMES, CONTAINER}:
-        raise InputError(f"`{options.runtime}` is not a runtime; there are {', '.join(RUNTIMES)}.")
+        raise InputError(
+            f"`{options.runtime}` is not a valid runtime", hint=f"use one of {', '.join(RUNTIMES)}"
+        )
     if options.runtime == "process":
         return ProcessRuntime(message, options.process_environment)
     if options.runtime in {"auto", CONTAINER}:
         return _first_available(image, options, message)
     if image is None:
         raise CannotRunError(
-            f"{options.runtime} needs a container image: give `--image`, ROBOVAST_IMAGE or "
-            f"`execution.image` in {document.path}; or use `--runtime process`."
+            f"{options.runtime} needs a container image",
+            hint=f"set `--image`, ROBOVAST_IMAGE or `execution.image` in {document.path}, or use "
+            "`--runtime process`",
         )
     return ContainerRuntime(options.runtime, image, options, message)
 
@@ -61,8 +64,8 @@ def _first_available(
     if options.runtime == CONTAINER:
         why = "no Docker or Podman answers" if image else "no container image is named (`--image`)"
         raise CannotRunError(
-            f"the campaign was imported, so its runs need a container, but {why}. If you trust "
-            "the campaign, use `--runtime process`."
+            f"the campaign was imported, so its runs need a container, but {why}",
+            hint="if you trust the campaign, use `--runtime process`",
         )
     if image is None:
         message("Running as local processes, because no container image is named.")

@@ -106,8 +106,8 @@ class ContainerRuntime:
         if shutil.which(standalone):
             return [standalone]
         raise CannotRunError(
-            f"{self.name} is here, but neither `{self.name} compose` nor `{standalone}`: install "
-            f"the compose plugin, or use `--runtime process`."
+            f"{self.name} is installed, but neither `{self.name} compose` nor `{standalone}`",
+            hint="install the compose plugin, or use `--runtime process`",
         )
 
     def _model(self, spec: StartSpec) -> dict[str, Any]:

@@ -24,7 +24,8 @@ def check_limits(document: Document) -> None:
         main_limits(document.vast.execution)
         secondary_limits(document.vast.execution)
     except InputError as error:
-        raise InputError(f"{document.source.file}: {error}") from None
+        message = f"{document.source.file}: {error.message}"
+        raise InputError(message, hint=error.hint) from None
 
 
 def main_limits(execution: Execution) -> Limits:

@@ -72,7 +72,9 @@ def open_shell(document: Document, options: LocalOptions) -> int:
         CannotRunError: the runtime has no containers.
     """
     if options.runtime == "process":
-        raise CannotRunError("`--start-only` needs containers: use `--runtime docker` or `podman`.")
+        raise CannotRunError(
+            "`--start-only` needs containers", hint="use `--runtime docker` or `podman`"
+        )
     with TemporaryDirectory(prefix="robovast-") as folder:
         script = prepare_run(document, Path(folder), dataclasses.replace(options, runs=1))
         flags = {"--no-gui": options.gui is False, "--network-host": options.network_host}
@@ -89,7 +91,9 @@ def _make_room(output: Path) -> None:
     refuse_obstacle(output)
     with writing(output):
         if output.is_dir() and any(output.iterdir()) and not (output / "run.sh").is_file():
-            raise StorageError(f"{output} holds other files; choose an empty or a new folder.")
+            raise StorageError(
+                f"{output} holds other files", hint="choose an empty or a new folder"
+            )
         output.mkdir(parents=True, exist_ok=True)
         for name in ("out_template", "jobs"):
             shutil.rmtree(output / name, ignore_errors=True)

@@ -83,9 +83,10 @@ def environment_as_then(recorded: str, what: str, otherwise: str) -> Path | None
     found = named_environment(name)
     if found is None and name not in {"", usual_name()}:
         raise CannotRunError(
-            f"{what}: ran in the environment {name}, which is missing. Name it in {VARIABLE} (for "
-            f"examples with ROS: `export {VARIABLE}=$(scripts/ros-environment)`), or {otherwise} "
-            "in the current environment: `--runtime process`."
+            f"{what}: ran in the environment {name}, which is missing",
+            hint=f"name it in {VARIABLE} (for examples with ROS: `export "
+            f"{VARIABLE}=$(scripts/ros-environment)`), or {otherwise} in the current "
+            "environment: `--runtime process`",
         )
     return found
 
@@ -98,13 +99,14 @@ def cache_folder() -> Path:
 def _checked(folder: Path) -> Path:
     if not (folder / "bin" / "scenario_execution").is_file():
         raise CannotRunError(
-            f"{VARIABLE} names {folder}, but there is no bin/scenario_execution in it: install "
-            "`scenario-execution` there, or unset the variable."
+            f"{VARIABLE} names {folder}, but there is no bin/scenario_execution in it",
+            hint="install `scenario-execution` there, or unset the variable",
         )
     if not (folder / VERSION_FILE).is_file():
         raise CannotRunError(
-            f"{VARIABLE} names {folder}, which has no image interface version. Create it with "
-            f"`mkdir -p {folder}/etc && echo {COMPAT_VERSION} > {folder / VERSION_FILE}`."
+            f"{VARIABLE} names {folder}, which has no image interface version",
+            hint=f"create it with `mkdir -p {folder}/etc && echo {COMPAT_VERSION} > "
+            f"{folder / VERSION_FILE}`",
         )
     return folder
 
@@ -147,6 +149,7 @@ def _call(command: Sequence[str], folder: Path) -> None:
         last = (result.stderr or result.stdout).strip().splitlines()[-3:]
         raise CannotRunError(
             f"cannot create the environment for local processes: `{' '.join(command[:4])} …` "
-            f"failed: {' / '.join(last)}. It needs Python with `venv` and access to a package "
-            f"index. Or name your own environment in {VARIABLE}."
+            f"failed: {' / '.join(last)}",
+            hint="install Python with `venv`, check the access to a package index, or name your "
+            f"own environment in {VARIABLE}",
         )

@@ -202,8 +202,8 @@ def _refuse_inside(output: Path, campaign: Path) -> None:
     """Refuse a place for replays where they would change the campaign that is replayed."""
     if Path(os.path.realpath(output)).is_relative_to(os.path.realpath(campaign)):
         raise InputError(
-            f"{output}: is in the campaign {campaign}, which a replay leaves as it is. Name a "
-            "folder outside of it: `--out PATH`."
+            f"{output}: is in the campaign {campaign}, which a replay leaves as it is",
+            hint="name a folder outside of it: `--out PATH`",
         )
 
 

@@ -47,10 +47,10 @@ def make_campaign_folder(output: Path, name: str, started: datetime) -> Layout:
     except OSError as error:
         why = "no folder can be created in it" if error.errno == errno.ENOENT else cause(error)
         raise StorageError(
-            f"{output}: results cannot be written there: {why}. Choose another folder."
+            f"{output}: results cannot be written there: {why}", hint="choose another folder"
         ) from None
     if not os.access(root, os.W_OK):
-        raise StorageError(f"{root}: cannot be written.")
+        raise StorageError(f"{root}: cannot be written.", hint="choose another folder")
     report(campaign=root.name)
     return Layout(root)
 
@@ -61,7 +61,7 @@ def refuse_bytes(folder: Path) -> None:
         str(folder.absolute()).encode()
     except UnicodeEncodeError:
         raise StorageError(
-            f"{folder.absolute()}: the path is not text in UTF-8. Choose or rename a folder."
+            f"{folder.absolute()}: the path is not text in UTF-8", hint="choose or rename a folder"
         ) from None
 
 
@@ -143,8 +143,8 @@ def _refuse_links(layout: Layout, runs: Sequence[Run]) -> None:
     for name in dict.fromkeys(run.variant.name for run in runs):
         if os.path.islink(folder := layout.variant(name)):
             raise StorageError(
-                f"{folder}: is a link, so a stored run would change the target of the link. "
-                "Replace the link by the folder, or remove the link."
+                f"{folder}: is a link, so a stored run would change the target of the link",
+                hint="replace the link by the folder, or remove the link",
             )
         check_plain(layout.variant_config(name), layout)
 
@@ -171,14 +171,11 @@ def explained(root: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in {errno.ENOSPC, errno.EDQUOT}:
-            cause, remedy = "the disk is full", "Free some space"
+            cause, remedy = "the disk is full", "free some space"
         else:
-            cause, remedy = f"{error.strerror} ({error.filename})", "Fix this"
+            cause, remedy = f"{error.strerror} ({error.filename})", "fix this"
         resume = f"vast exec local run --resume {shlex.quote(str(root))}"
         begun = os.path.isfile(Layout(root).execution_record)
-        rest = (
-            f"The runs that were finished are stored. {remedy}, then continue with `{resume}`."
-            if begun
-            else f"Nothing was run. {remedy}, then repeat the command."
-        )
-        raise StorageError(f"{root}: {cause}. {rest}") from error
+        done = "The runs that were finished are stored" if begun else "Nothing was run"
+        more = f"continue with `{resume}`" if begun else "repeat the command"
+        raise StorageError(f"{root}: {cause}. {done}", hint=f"{remedy}, then {more}") from error

@@ -58,8 +58,8 @@ def check_inputs(run: Path, configurations: Mapping[str, Any]) -> None:
     if gone:
         raise InputError(
             f"{run}: cannot be replayed, since files of its campaign are gone: "
-            f"{', '.join(str(path.relative_to(layout.root)) for path in gone)}. Put them back, or "
-            "download the campaign again."
+            f"{', '.join(str(path.relative_to(layout.root)) for path in gone)}",
+            hint="put them back, or download the campaign again",
         )
 
 
@@ -74,8 +74,8 @@ def refuse_links(layout: Layout) -> None:
     for path in (*own, *jobs):
         if os.path.islink(path):
             raise InputError(
-                f"{path}: is a link, so the stored inputs would change the target of the link. "
-                "Remove the link."
+                f"{path}: is a link, so the stored inputs would change the target of the link",
+                hint="remove the link",
             )
     check_plain(layout.config, layout)
 
@@ -124,5 +124,6 @@ def check_plain(path: Path, layout: Layout) -> None:
             why = "a part of its path is a link, or no folder" if behind else error.strerror
             raise InputError(
                 f"{path}: cannot be an input of a run: {why}. Inputs are plain files of the "
-                "campaign: put a file in its place, or download the campaign again."
+                "campaign",
+                hint="put a file in its place, or download the campaign again",
             ) from None

@@ -65,7 +65,7 @@ class BaseConfig:
                 f"{name}: {text}" + (f" (default {default})" if default else "")
                 for name, (default, text) in (self.OPTIONS or {}).items()
             )
-            raise InputError(f"there is no option `{unknown[0]}` here. Options are: {known}.")
+            raise InputError(f"there is no option `{unknown[0]}` here", hint=f"use one of {known}")
         self.options.update({name: str(value) for name, value in kwargs.items()})
 
     def setup_cluster(self, **kwargs: Any) -> None:
@@ -163,7 +163,9 @@ class BaseConfig:
 
         address = self.get_host_s3_endpoint()
         if not address:
-            raise CannotRunError("this machine does not reach the S3 server: $ROBOVAST_S3_ENDPOINT")
+            raise CannotRunError(
+                "this machine does not reach the S3 server", hint="set $ROBOVAST_S3_ENDPOINT"
+            )
         endpoint = Endpoint.parse(address, self.get_s3_region())
         store = ObjectStore(endpoint, Credentials(*self.get_s3_credentials()))
         found = find_bucket(store, campaign_id)

@@ -51,7 +51,10 @@ class _DiskConfig(GenericConfig):
         """Values of the chart, with the StorageClass of the type of disk."""
         disk = self.options["disk_type"]
         if disk not in self.DISKS:
-            raise InputError(f"disk_type: `{disk}` is not one of {', '.join(self.DISKS)}.")
+            raise InputError(
+                f"disk_type: `{disk}` is not a valid type of disk",
+                hint=f"use one of {', '.join(self.DISKS)}",
+            )
         self.options["storage_class"] = self.options["storage_class"] or self.DISKS[disk]
         return super().chart_values()
 

@@ -70,7 +70,7 @@ def _list(context: str | None, *what: str) -> list[Json]:
         answer = subprocess.run(command, capture_output=True, text=True, check=True)
     except FileNotFoundError:
         raise CannotRunError(
-            "kubectl is missing; it is needed to read the capacity of the cluster."
+            "kubectl is missing, which reads the capacity of the cluster", hint="install `kubectl`"
         ) from None
     except subprocess.CalledProcessError as error:
         raise CannotRunError(f"`{' '.join(command)}`: {error.stderr.strip()}") from error

@@ -30,7 +30,7 @@ def passed_address(environment: Mapping[str, str] = os.environ) -> Endpoint:
     """
     if not environment.get(ENDPOINT):
         raise PlanError(
-            f"The environment variable {ENDPOINT} is not set; the operator sets it. Operator and "
-            "agent must be of one version. Was one of them updated alone?"
+            f"The environment variable {ENDPOINT} is not set, which the operator sets",
+            hint="check that operator and agent have the same version",
         )
     return Endpoint.parse(environment[ENDPOINT], environment.get(REGION))

@@ -214,7 +214,7 @@ def _validated(name: str, model: type[ModelT], parameters: Mapping[str, Any]) ->
         return get_validated_config(dict(parameters), model)
     except ValueError as error:
         known = ", ".join(model.model_fields)
-        raise InputError(f"{name}: {error}. Its parameters: {known}.") from None
+        raise InputError(f"{name}: {error}", hint=f"use its parameters: {known}") from None
 
 
 def expanded(calls: Iterable[PluginCall]) -> list[PluginCall]:

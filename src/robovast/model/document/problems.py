@@ -116,6 +116,11 @@ def suggest(given: str, allowed: Iterable[str]) -> str:
     return f"Known here: {', '.join(names)}." if names else ""
 
 
+def as_hint(remedy: str) -> str:
+    """The remedy of a problem, for the hint of an error."""
+    return remedy[:1].lower() + remedy[1:]
+
+
 _EXPECTED = {
     "bool": "true or false",
     "dict": "a mapping",

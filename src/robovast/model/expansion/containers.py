@@ -84,8 +84,9 @@ def refuse_containers(image: str, message: Callable[[str], None]) -> NoReturn:
     del message
     raise CannotRunError(
         f"it needs a container of {image} to create its files, and a cluster does not start such "
-        "containers. Expand the .vast file on a machine with Docker or Podman (`vast config "
-        "generate OUT`) and name the created files, or do not use the container."
+        "containers",
+        hint="expand the .vast file on a machine with Docker or Podman (`vast config generate "
+        "OUT`) and name the created files, or do not use the container",
     )
 
 
@@ -93,7 +94,8 @@ def _engine() -> str:
     installed = [engine for engine in ENGINES if shutil.which(engine)]
     if not installed:
         raise CannotRunError(
-            f"neither {' nor '.join(ENGINES)} is here: install one, or do without the container."
+            f"neither {' nor '.join(ENGINES)} is installed",
+            hint="install one, or do without the container",
         )
     answering = next(filter(engine_answers, installed), None)
     if answering is None:

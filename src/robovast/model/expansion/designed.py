@@ -58,8 +58,8 @@ class Chooser:
             if len(made) != len(places):
                 raise InputError(
                     f"configuration `{self._name}`: variation {axis + 1} created {len(made)} "
-                    f"configurations, but its `levels` announced {len(places)}. A design needs "
-                    "the announced number."
+                    f"configurations, but its `levels` announced {len(places)}",
+                    hint="let `levels` announce the number of configurations",
                 )
             kept += [pair for pair in zip(places, made, strict=True) if pair[0] in wanted]
         self._prefixes = [prefix for prefix, _ in kept]

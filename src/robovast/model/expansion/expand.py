@@ -80,7 +80,8 @@ def compose(
     if document.vast.search is not None:
         raise InputError(
             f"{document.path}: a `search` proposes its configurations while it runs, so there is "
-            "no list of them. `vast config list` shows its first batch."
+            "no list of them",
+            hint="run `vast config list` to see its first batch",
         )
     limit = variant_limit()
     refuse_too_many(document, limit)
@@ -256,7 +257,8 @@ def _refuse_wrong_values(document: Document, variant: Variant, scenario: Scenari
         if why is not None:
             raise InputError(
                 f"{document.path}: configuration `{variant.name}`: {why}; "
-                f"{declaration(scenario, name)}. Give such values, or change that line."
+                f"{declaration(scenario, name)}",
+                hint="give such values, or change that line",
             )
 
 
@@ -288,7 +290,7 @@ def _refuse_shared_names(document: Document, variants: list[Variant]) -> None:
         if variant.name in owner:
             raise InputError(
                 f"{document.path}: two configurations are called `{variant.name}` (from the "
-                f"entries `{owner[variant.name]}` and `{variant.entry}`); rename one of the "
-                "entries."
+                f"entries `{owner[variant.name]}` and `{variant.entry}`)",
+                hint="rename one of the entries",
             )
         owner[variant.name] = variant.entry

@@ -30,7 +30,8 @@ def variant_limit(environment: Mapping[str, str] = os.environ) -> int:
     text = environment.get(VARIABLE, "") or str(DEFAULT)
     if not (text.isdecimal() and int(text[:10]) > 0 and len(text) <= 9):
         raise InputError(
-            f"The environment variable {VARIABLE} must be a number above 0, not {text}"
+            f"The environment variable {VARIABLE} is not a number above 0: {text}",
+            hint="set it to a number above 0, or unset it",
         )
     return int(text)
 
@@ -53,9 +54,9 @@ def too_many(path: Path, total: int, limit: int, detail: str) -> InputError:
     """The error about too many variants."""
     return InputError(
         f"{path}: would have {total:,} configurations, more than {limit:,}: {detail}. Variations "
-        "that follow one another multiply; use OneOfVariation where they need not, give fewer "
-        f"values, or set another limit ({VARIABLE}; on a cluster the chart's value "
-        "`operator.variantLimit`)."
+        "that follow one another multiply",
+        hint="use OneOfVariation where they need not, give fewer values, or set another limit "
+        f"({VARIABLE}; on a cluster the chart's value `operator.variantLimit`)",
     )
 
 

@@ -35,8 +35,8 @@ def select_variants(variants: Sequence[Variant], pattern: str) -> list[Variant]:
     names = list(dict.fromkeys([v.entry for v in variants] + [v.name for v in variants]))
     near = get_close_matches(pattern, names, n=3) or names[:5]
     raise InputError(
-        f"no configuration matches `{pattern}`. There are {len(variants)}, for example "
-        f"{', '.join(near)}; `vast config list` shows all."
+        f"no configuration matches `{pattern}` ({len(variants)} available)",
+        hint=f"use for example {', '.join(near)}, or run `vast config list` to see all",
     )
 
 
@@ -62,11 +62,15 @@ def select_any(variants: Sequence[Variant], selection: Selection) -> list[Varian
 def _part_of(variants: Sequence[Variant], part: re.Match[str]) -> list[Variant]:
     pattern, number, of = part[0], int(part[1]), int(part[2])
     if not 1 <= number <= of:
-        raise InputError(f"`{pattern}`: of {of} parts there is none with the number {number}.")
+        raise InputError(
+            f"invalid part `{pattern}`: the number must be between 1 and {of}",
+            hint=f"use for example `1/{of}`",
+        )
     if number > len(variants):
         raise InputError(
             f"`{pattern}`: this part is empty, because there are only {len(variants)} "
-            "configurations. Use at most this number of parts."
+            "configurations",
+            hint="use at most this number of parts",
         )
     return list(variants[number - 1 :: of])
 

@@ -45,7 +45,8 @@ def render(layout: Layout, resolution: float = RESOLUTION) -> OccupancyMap:
     if shape[0] * shape[1] > MOST_CELLS:
         raise InputError(
             f"the map of the floor plan would have {shape[0] * shape[1]:,} cells, more than "
-            f"{MOST_CELLS:,}. Use a coarser resolution, or a smaller plan."
+            f"{MOST_CELLS:,}",
+            hint="use a coarser resolution, or a smaller plan",
         )
     occupied = fill(solid, shape, resolution, origin)
     free = fill(floor, shape, resolution, origin) & ~occupied

@@ -145,8 +145,8 @@ def check_variables(provider: BaseShareProvider) -> None:
     if missing:
         lines = "".join(f"\n    {name}: {text}" for name, text in missing.items())
         raise InputError(
-            f"the share `{provider.SHARE_TYPE}` needs variables that are not set, in the "
-            f"environment or a `.env` file:{lines}"
+            f"the share `{provider.SHARE_TYPE}` needs variables that are not set:{lines}",
+            hint="set them in the environment or a `.env` file",
         )
 
 

@@ -130,8 +130,8 @@ class Share:
         found = part.stat().st_size if part.exists() else 0
         if found != campaign.size:
             raise StorageError(
-                f"{found} of {campaign.size} bytes of {campaign.archive} are downloaded. Try "
-                "again to download the rest."
+                f"{found} of {campaign.size} bytes of {campaign.archive} are downloaded",
+                hint="try again to download the rest",
             )
         put_in_place(part, target)
 
@@ -163,13 +163,14 @@ def open_share(folder: Path | None = None) -> Iterator[Share]:
         kind = os.environ.get(SHARE_TYPE)
         if kind and not chosen and split_file_reference(kind):
             raise InputError(
-                f"{SHARE_TYPE}={kind}: a `.env` file cannot name a file with code. Set the "
-                f"variable in the environment: `export {SHARE_TYPE}={kind}`."
+                f"{SHARE_TYPE}={kind}: a `.env` file cannot name a file with code",
+                hint=f"set the variable in the environment: `export {SHARE_TYPE}={kind}`",
             )
         if not kind:
             raise InputError(
-                f"there is no share: set {SHARE_TYPE} to one of "
-                f"{', '.join(sorted(plugins_of(GROUP)))}, in the environment or a `.env` file."
+                "there is no share",
+                hint=f"set {SHARE_TYPE} to one of {', '.join(sorted(plugins_of(GROUP)))}, in the "
+                "environment or a `.env` file",
             )
         share = Share(load_provider(kind, folder or Path.cwd()))
         check_variables(share.provider)
@@ -225,8 +226,9 @@ def _bring(
     kept = output / campaign.archive
     if keep_archive and not force and os.path.lexists(kept):
         raise InputError(
-            f"{kept}: exists already. Move it away, or replace it with `--force`. Without "
-            "`--keep-archive`, it stays as it is."
+            f"{kept}: exists already",
+            hint="move it away, or replace it with `--force`. Without `--keep-archive`, it "
+            "stays as it is",
         )
     own = output / FETCHED
     own.mkdir(parents=True, exist_ok=True)

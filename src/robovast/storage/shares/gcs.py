@@ -99,8 +99,8 @@ class GcsShareProvider(BaseShareProvider):
             found = self._bucket.test_iam_permissions([_RIGHT], retry=self._retry)
         if _RIGHT not in found:
             raise StorageError(
-                f"{self._name}: the account may not upload to the bucket; it needs the role "
-                "Storage Object Creator."
+                f"{self._name}: the account may not upload to the bucket",
+                hint="give it the role Storage Object Creator",
             )
 
     def upload_archive(
@@ -124,8 +124,8 @@ class GcsShareProvider(BaseShareProvider):
         is_same = (after.st_size, after.st_mtime_ns) == (before.st_size, before.st_mtime_ns)
         if not (is_whole and is_same):  # the checksum is that of the sent bytes
             raise StorageError(
-                f"{self._name}: {object_name} is damaged, or was changed during the upload. "
-                "Upload it again."
+                f"{self._name}: {object_name} is damaged, or was changed during the upload",
+                hint="upload it again",
             )
 
     def list_campaign_archives_with_size(self) -> list[tuple[str, int]]:
@@ -146,7 +146,8 @@ class GcsShareProvider(BaseShareProvider):
                 if blobs.next_page_token in seen:
                     raise StorageError(
                         f"{self._name}: cannot list the bucket: the server sends the same page "
-                        "again and again. Check a proxy on the way to the server."
+                        "again and again",
+                        hint="check a proxy on the way to the server",
                     )
                 seen.add(blobs.next_page_token)
         return sorted((name, size) for name, size in found if name.endswith(".tar.gz"))
@@ -232,8 +233,8 @@ class GcsShareProvider(BaseShareProvider):
             farthest = max(farthest, upload.bytes_uploaded)
         raise StorageError(
             f"{self._name}: cannot upload {name}: the server has accepted the part from byte "
-            f"{upload.bytes_uploaded} {IDLE_ANSWERS} times without storing it. Check a proxy on "
-            "the way to the server, then repeat the command."
+            f"{upload.bytes_uploaded} {IDLE_ANSWERS} times without storing it",
+            hint="check a proxy on the way to the server, then repeat the command",
         )
 
     @contextmanager
@@ -256,7 +257,9 @@ class GcsShareProvider(BaseShareProvider):
         if isinstance(error, RefreshError):
             place = f"the key in {KEY_FILE}" if key else "the login"
             said = " ".join(str(next(iter(error.args), "")).split())
-            return HttpError(f"{start}: there is no access token ({said}). Check {place}.", 401)
+            return HttpError(
+                f"{start}: there is no access token ({said})", 401, hint=f"check {place}"
+            )
         answer = getattr(error, "response", None)
         if answer is not None and answer.status_code >= 300:
             return refused(start, answer.status_code, answer.headers, answer.content, _REMEDIES)
@@ -266,9 +269,10 @@ class GcsShareProvider(BaseShareProvider):
     def _require_account(self) -> None:
         if isinstance(self._session.credentials, AnonymousCredentials):
             raise InputError(
-                "the share `gcs` needs an account for this: set the key of a service account in "
-                f"{KEY_FILE} or {KEY_JSON}, in the environment or a `.env` file, or log in with "
-                "`gcloud auth application-default login`."
+                "the share `gcs` needs an account for this",
+                hint=f"set the key of a service account in {KEY_FILE} or {KEY_JSON}, in the "
+                "environment or a `.env` file, or log in with `gcloud auth "
+                "application-default login`",
             )
 
     @property
@@ -336,7 +340,10 @@ def _credentials() -> Credentials:
         try:
             account: Credentials = ServiceAccount.from_service_account_info(key, scopes=_SCOPES)
         except (ValueError, TypeError):
-            raise InputError(f"the `private_key` in {KEY_FILE} or {KEY_JSON} is damaged.") from None
+            raise InputError(
+                f"the `private_key` in {KEY_FILE} or {KEY_JSON} is damaged.",
+                hint="create another key in Google's console",
+            ) from None
         return account
     if os.environ.get(EMULATOR):
         return AnonymousCredentials()
@@ -365,9 +372,9 @@ def _key() -> dict[str, Any] | None:
         raise InputError(f"{KEY_FILE}: {error}") from None
     except (ValueError, KeyError, TypeError):
         raise InputError(
-            f"{KEY_JSON if text else KEY_FILE} contains no key of a service account. The key is a "
-            "JSON file with `client_email`, `private_key` and `token_uri`, created in Google's "
-            "console."
+            f"{(KEY_JSON if text else KEY_FILE)} contains no key of a service account",
+            hint="create a key in Google's console: a JSON file with `client_email`, "
+            "`private_key` and `token_uri`",
         ) from None
 
 

@@ -34,15 +34,15 @@ class NextcloudShareProvider(WebDavShareProvider):
         match = _LINK.fullmatch(os.environ[URL].strip())
         if match is None:
             raise InputError(
-                f"{URL} is not a public link of a Nextcloud server: copy it from the sharing "
-                "dialog, as https://cloud.example.org/s/AbCdEf."
+                f"{URL} is not a public link of a Nextcloud server",
+                hint="copy it from the sharing dialog, as https://cloud.example.org/s/AbCdEf",
             )
         return f"{match['server']}/public.php/webdav/", match["token"], ""
 
     def remedies(self) -> Mapping[int, str]:
         """Remedies by HTTP status."""
         return {
-            401: f"Check {URL}: the link may have ended, or have a password.",
-            403: "The link must allow uploading and editing.",
-            404: f"Check {URL}: the link may have ended.",
+            401: f"check {URL}: the link may have ended, or have a password",
+            403: "let the link allow uploading and editing",
+            404: f"check {URL}: the link may have ended",
         }

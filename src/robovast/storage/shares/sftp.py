@@ -173,8 +173,8 @@ def _append(sftp: SFTPClient, path: Path, part: str, progress: ProgressCallback 
     if found != total:
         sftp.remove(part)
         raise StorageError(
-            f"{_place()}: of {path.name} {found} of {total} bytes arrived. Is there enough room on "
-            "the server?"
+            f"{_place()}: of {path.name} {found} of {total} bytes arrived",
+            hint="check the free space on the server",
         )
 
 
@@ -266,9 +266,9 @@ class _Policy(paramiko.MissingHostKeyPolicy):
         if accepts_any_certificate() or given[:2] == found.split():
             return
         raise InputError(
-            f"the server {hostname} is not known: its key ({key.fingerprint}) is\n    {found}\nIf "
-            f"its administrator confirms this fingerprint, put the key into {HOST_KEY} or a "
-            "`known_hosts` file."
+            f"the server {hostname} is not known: its key ({key.fingerprint}) is\n    {found}",
+            hint=f"if its administrator confirms this fingerprint, put the key into {HOST_KEY} "
+            "or a `known_hosts` file",
         )
 
 
@@ -276,21 +276,25 @@ def _explained(attempt: str, error: Exception) -> InputError | StorageError:
     start = f"{_place()}: cannot {attempt}"
     if isinstance(error, paramiko.BadHostKeyException):
         return InputError(
-            f"{start}: the server's key is not the one in `known_hosts`. The connection may be "
-            "intercepted; ask its administrator."
+            f"{start}: the server's key is not the one in `known_hosts`, so the connection may be "
+            "intercepted",
+            hint="ask its administrator",
         )
     if isinstance(error, paramiko.AuthenticationException):
         return InputError(
-            f"{start}: the server does not accept the account. Check {USER} and {PASSWORD}, "
-            f"{KEY_FILE} or {KEY_PEM}."
+            f"{start}: the server does not accept the account",
+            hint=f"check {USER} and {PASSWORD}, {KEY_FILE} or {KEY_PEM}",
         )
     if isinstance(error, FileNotFoundError):
-        return InputError(f"{start}: there is no such file or folder. Check {REMOTE_DIR}.")
+        return InputError(f"{start}: there is no such file or folder", hint=f"check {REMOTE_DIR}")
     if isinstance(error, PermissionError):
-        return StorageError(f"{start}: the account is not allowed to do that.")
+        return StorageError(
+            f"{start}: the account is not allowed to do that.",
+            hint="ask the administrator of the server for the permission",
+        )
     cause = getattr(error, "strerror", None) or str(error) or type(error).__name__
     return StorageError(
-        f"{start} ({cause}). Is the server right, has it room, and is the network up?"
+        f"{start} ({cause})", hint="check the address of the server, its free space and the network"
     )
 
 
@@ -312,13 +316,16 @@ def _private_key() -> PKey | None:
     for key_type in _KEY_TYPES:
         with suppress(paramiko.SSHException, ValueError):
             return key_type.from_private_key(StringIO(text.replace("\\n", "\n")))
-    raise InputError(f"{KEY_PEM} contains no private key that can be read without a passphrase.")
+    raise InputError(
+        f"{KEY_PEM} contains no private key that can be read without a passphrase.",
+        hint="use a key without a passphrase",
+    )
 
 
 def _key_file() -> Path:
     path = Path(os.environ[KEY_FILE]).expanduser()
     if not path.is_file():
-        raise InputError(f"{KEY_FILE}: there is no file {path}.")
+        raise InputError(f"{KEY_FILE}: there is no file {path}.", hint=f"correct {KEY_FILE}")
     return path
 
 
@@ -326,7 +333,7 @@ def _port() -> int:
     text = os.environ.get(PORT) or "22"
     port = whole_number(text)
     if not 0 < port < 1 << 16:
-        raise InputError(f"{PORT} must be a number up to 65535, not `{text}`.")
+        raise InputError(f"{PORT} is not a port: `{text}`", hint="set it to a number up to 65535")
     return port
 
 

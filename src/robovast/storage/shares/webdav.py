@@ -147,7 +147,8 @@ class WebDavShareProvider(BaseShareProvider):
         url = os.environ[URL].strip()
         if not url.startswith(("https://", "http://")):
             raise InputError(
-                f"{URL} must begin with https://, as https://dav.example.org/results/."
+                f"{URL} does not begin with https://",
+                hint="set it for example to https://dav.example.org/results/",
             )
         return url, os.environ[USER], os.environ[PASSWORD]
 
@@ -173,9 +174,9 @@ class WebDavShareProvider(BaseShareProvider):
     def remedies(self) -> Mapping[int, str]:
         """Remedies by HTTP status."""
         return {
-            401: f"Check {USER} and {PASSWORD}.",
-            404: f"Check {URL}: the folder must exist.",
-            409: f"Check {URL}: the folder must exist.",
+            401: f"check {USER} and {PASSWORD}",
+            404: f"check {URL}: the folder must exist",
+            409: f"check {URL}: the folder must exist",
         }
 
     @property
@@ -205,8 +206,8 @@ class WebDavShareProvider(BaseShareProvider):
         (found,) = self._look(url, "0", f"look at {name}").values() or [0]
         if found != size:
             raise StorageError(
-                f"{self._client.name}: of {name} only {found} of {size} bytes arrived. Is there "
-                "enough room on the server?"
+                f"{self._client.name}: of {name} only {found} of {size} bytes arrived",
+                hint="check the free space on the server",
             )
 
     def _look(self, url: str, depth: str, attempt: str) -> dict[str, int]:
@@ -222,8 +223,8 @@ class WebDavShareProvider(BaseShareProvider):
             return dict(_files(answer.data))
         except ValueError as error:
             raise StorageError(
-                f"{self._client.name}: does not answer as a WebDAV server does ({error}). Is the "
-                "address right?"
+                f"{self._client.name}: does not answer as a WebDAV server does ({error})",
+                hint="check the address",
             ) from error
 
 

@@ -85,5 +85,5 @@ def test_skipping_takes_names_and_short_names() -> None:
     calls = [PluginCall(name="command"), PluginCall(name="tools/m.py:Metrics")]
     assert skipped(calls, ["Metrics"]) == calls[:1]
     assert skipped(calls, ["tools/m.py:Metrics", "command"]) == []
-    with pytest.raises(InputError, match=r"no such command; there are `command`"):
+    with pytest.raises(InputError, match=r"no such command. Use one of `command`"):
         skipped(calls, ["metrics"])

@@ -156,7 +156,7 @@ def test_nothing_to_publish_is_an_error(tmp_path: Path) -> None:
 WRONG = {
     "p.py:missing": "has no `missing`",
     "zipp": "Did you mean `zip`",
-    "p.py:number": "is a int; it must be a function",
+    "p.py:number": "is a int. Write a function",
     "p.py:Odd": "plugin_type 'strange'",
     "p.py:Broken": "cannot be instantiated: OSError: no disk",
     "p.py:whole: {place: x}": "has no parameter `place`; it has destination",
@@ -206,7 +206,7 @@ FAULTS: dict[str, tuple[type[RobovastError], str]] = {
     "raises": (StorageError, "`p.py:raises` failed: ValueError: secret of the plugin"),
     "leaves": (StorageError, "`p.py:leaves` failed: SystemExit: 3"),
     "explains": (CannotRunError, "^install it$"),
-    "nothing": (StorageError, r"returned None; it must return \(success, message\)"),
+    "nothing": (StorageError, r"returned None. Return \(success, message\)"),
     "text": (StorageError, "returned 'done'"),
     "swapped": (StorageError, "returned"),
     "no_paths": (StorageError, r"not paths: \[7\]"),

@@ -222,7 +222,7 @@ def test_a_webdav_address_must_be_one(monkeypatch: pytest.MonkeyPatch) -> None:
     variables = {"URL": "dav.example.org", "USER": "u", "PASSWORD": "p"}
     for name, value in variables.items():
         monkeypatch.setenv(f"ROBOVAST_WEBDAV_{name}", value)
-    with pytest.raises(InputError, match="ROBOVAST_WEBDAV_URL must begin with https"):
+    with pytest.raises(InputError, match="ROBOVAST_WEBDAV_URL does not begin with https"):
         WebDavShareProvider().list_campaign_archives_with_size()
 
 

@@ -181,8 +181,8 @@ def test_what_arrives_damaged_is_not_published(
 ERRORS = {
     401: "cannot create a draft (401, as it was told). Check the access token",
     403: "(403, as it was told). Check the access token",
-    413: "It is larger than the server accepts",
-    500: "(500, as it was told). The server has an internal error",
+    413: "the request is larger than the server accepts",
+    500: "(500, as it was told). Try again later: the server has an internal error",
 }
 
 
@@ -200,7 +200,7 @@ def test_a_busy_server_is_given_the_time_it_asks_for(
     server.fail("POST", 429, Retry_After="1")
     upload(context)
     server.fail("PUT", 429, Retry_After="3600")
-    with pytest.raises(StorageError, match=r"\(429, .*It asks to wait for 3600 s\."):
+    with pytest.raises(StorageError, match=r"\(429, .*Wait for 3600 s, as the server asks\."):
         upload(context)
 
 
@@ -228,9 +228,9 @@ def test_the_token_may_stand_in_a_dotenv_file(
     tmp_path: Path,
 ) -> None:
     monkeypatch.delenv("ROBOVAST_ZENODO_TOKEN")
-    with pytest.raises(InputError, match="access token in the variable ROBOVAST_ZENODO_TOKEN"):
+    with pytest.raises(InputError, match="set the variable ROBOVAST_ZENODO_TOKEN"):
         upload(context)
-    with pytest.raises(InputError, match="in the variable ROBOVAST_ZENODO_SANDBOX_TOKEN"):
+    with pytest.raises(InputError, match="set the variable ROBOVAST_ZENODO_SANDBOX_TOKEN"):
         upload(context, sandbox=True)
     (tmp_path / ".env").write_text(f"ROBOVAST_ZENODO_SANDBOX_TOKEN='{TOKEN}'\n")
     (tmp_path / "below").mkdir()
@@ -242,7 +242,7 @@ def test_the_token_goes_to_no_other_server(server: Zenodo, context: PublicationC
     server.bucket_host = "http://127.0.0.1:9"
     with pytest.raises(StorageError, match="uploads would go to another server"):
         upload(context)
-    with pytest.raises(InputError, match="must begin with https"):
+    with pytest.raises(InputError, match="does not begin with https"):
         ZenodoApi("http://zenodo.example.org", TOKEN)
 
 

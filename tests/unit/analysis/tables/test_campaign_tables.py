@@ -19,7 +19,7 @@ from robovast.analysis.tables.query import ask, tables
 from robovast.analysis.tables.query_errors import explained
 from robovast.analysis.tables.sqlite_tables import update_sqlite
 from robovast.analysis.tables.staging import wider
-from robovast.base.errors import InputError, StorageError
+from robovast.base.errors import InputError, StorageError, with_hint
 from robovast.base.serialization import dump_yaml
 from robovast.base.yaml_files import parse_yaml
 from robovast.campaign.layout import Layout
@@ -161,7 +161,7 @@ def test_all_campaigns_are_asked_at_once(tmp_path: Path) -> None:
         ("  -- nothing", "the query is empty."),
         ("SELECT * FORM runs", 'DuckDB reports: syntax error at or near "runs".'),
         ("SELECT 'abc FROM runs", "DuckDB reports: unterminated string literal."),
-        ("SELECT * FROM indexes", "there is no table `indexes`. There are out, runs."),
+        ("SELECT * FROM indexes", "there is no table `indexes`. Use one of out, runs."),
         ("SELECT * FROM rns", "there is no table `rns`. Did you mean `runs`?"),
         ("SELECT verdct FROM runs", "there is no column `verdct`. Did you mean `verdict`?"),
         ("SELECT r.verdct FROM runs r", "there is no column `verdct`. Did you mean `verdict`?"),
@@ -175,7 +175,7 @@ def test_all_campaigns_are_asked_at_once(tmp_path: Path) -> None:
             'DuckDB reports: Ambiguous reference to column name "config"',
         ),
         ("SELECT sum(verdict) FROM runs", "argument types 'sum(VARCHAR)'."),
-        ("SELECT verdict, count(*) FROM runs", "write GROUP BY verdict, or"),
+        ("SELECT verdict, count(*) FROM runs", "Write GROUP BY verdict, or"),
         ("SELECT * FROM runs WHERE run = 'abc'", "`abc` cannot be converted to INT32."),
         ("SELECT * FROM runs WHERE verdict=7", "`verdict` is text, and `passed` cannot be"),
         (
@@ -183,25 +183,25 @@ def test_all_campaigns_are_asked_at_once(tmp_path: Path) -> None:
             "is compared with text in single quotes",
         ),
         ("SELECT verdict::INT FROM runs", "cannot be converted to INT32."),
-        ("SELECT * FROM runs WHERE verdict > 7.5", "put the number into single quotes"),
-        ("SELECT * FROM runs WHERE verdict BETWEEN 1 AND 2", "put the number into single quotes"),
+        ("SELECT * FROM runs WHERE verdict > 7.5", "Put the number into single quotes"),
+        ("SELECT * FROM runs WHERE verdict BETWEEN 1 AND 2", "Put the number into single quotes"),
         ("SELECT 1; SELECT 2", "a query is one statement; there are 2"),
         ("SELECT '\udcff'", "not text in UTF-8"),
         ("SELECT 1 -- '\ud800'", "not text in UTF-8"),
         ("SELECT now()", "`now()::TIMESTAMP` for `now()`"),
-        ("DELETE FROM runs", "it can change nothing"),
-        ("DROP TABLE runs", "it can change nothing"),
-        ("INSERT INTO campaign_0.out VALUES ('a', 1, 1)", "it can change nothing"),
+        ("DELETE FROM runs", "a query can change nothing"),
+        ("DROP TABLE runs", "a query can change nothing"),
+        ("INSERT INTO campaign_0.out VALUES ('a', 1, 1)", "a query can change nothing"),
         ("SELECT * FROM read_csv('/etc/passwd')", "open no other file"),
         ("COPY (SELECT 1) TO '/tmp/robovast.csv'", "open no other file"),
-        ("SET enable_external_access = true", "it can change nothing"),
-        ("CREATE TABLE x AS SELECT 1", "it can change nothing"),
-        ("CREATE TABLE x AS PIVOT runs ON verdict", "it can change nothing"),
-        ("EXPLAIN (ANALYZE) DROP VIEW runs", "it can change nothing"),
-        ("BEGIN", "it can change nothing"),
-        ("ATTACH ':memory:' AS more", "it can change nothing"),
-        ("PRAGMA database_list", "it can change nothing"),
-        ("CALL pragma_database_size()", "it can change nothing"),
+        ("SET enable_external_access = true", "a query can change nothing"),
+        ("CREATE TABLE x AS SELECT 1", "a query can change nothing"),
+        ("CREATE TABLE x AS PIVOT runs ON verdict", "a query can change nothing"),
+        ("EXPLAIN (ANALYZE) DROP VIEW runs", "a query can change nothing"),
+        ("BEGIN", "a query can change nothing"),
+        ("ATTACH ':memory:' AS more", "a query can change nothing"),
+        ("PRAGMA database_list", "a query can change nothing"),
+        ("CALL pragma_database_size()", "a query can change nothing"),
         ("SELECT run // 0 FROM runs", "DuckDB reports: Division by zero"),
         ("SELECT repeat('a', 10000000000)", "DuckDB reports: Cannot create a string of size"),
         ("SELECT timestamp 'x'", 'DuckDB reports: invalid timestamp field format: "x"'),
@@ -218,7 +218,8 @@ def test_queries_are_explained_and_can_change_nothing(
     update(campaign)
     with pytest.raises(InputError) as error:
         ask([campaign], sql)
-    assert message in str(error.value)
+    first = error.value.message.partition("\n")[0]
+    assert message in with_hint(first, error.value.hint)
     assert not re.search(r"Error:|\bSET\b|memory\.main|Please", str(error.value).partition("\n")[0])
 
 
@@ -236,7 +237,7 @@ def test_queries_are_explained_and_can_change_nothing(
 def test_what_is_not_known_of_queries_is_told_without_paths_and_advice(
     cause: str, told: str
 ) -> None:
-    assert told in explained(cause, "SELECT 1", {})
+    assert told in str(explained(cause, "SELECT 1", {}))
 
 
 @pytest.mark.parametrize(
@@ -257,7 +258,7 @@ def test_the_place_of_a_fault_is_marked_in_its_line(tmp_path: Path) -> None:
     update(campaign)
     with pytest.raises(InputError, match="duraton") as error:
         ask([campaign], "SELECT run FROM runs\nWHERE duraton > 3")
-    line, mark = str(error.value).splitlines()[1:]
+    line, mark = error.value.message.splitlines()[1:]
     assert (line, mark.rstrip("^")) == ("    WHERE duraton > 3", " " * 10)
 
 

@@ -49,8 +49,8 @@ def test_each_configuration_is_in_one_of_the_parts_which_are_as_equal_as_possibl
 @pytest.mark.parametrize(
     ("pattern", "told"),
     [
-        ("3/2", "`3/2`: of 2 parts there is none"),
-        ("0/2", "`0/2`: of 2 parts there is none"),
+        ("3/2", "invalid part `3/2`: the number must be between 1 and 2"),
+        ("0/2", "invalid part `0/2`: the number must be between 1 and 2"),
         ("5/5", "there are only 4 configurations"),
     ],
 )

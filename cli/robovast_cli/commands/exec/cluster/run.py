@@ -28,7 +28,7 @@ from robovast_cli.kube.store import installed_place, open_store
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.cluster_view import follow_view
 from robovast_cli.ui.output import say
-from robovast_cli.ui.report import tell
+from robovast_cli.ui.report import in_form, tell
 
 INTERVAL = 1.0
 """Time between two looks at a campaign [s]."""
@@ -224,7 +224,7 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
         return ExitCode.INTERRUPTED
     if state is None:
         place = f"the cluster (namespace {kube.namespace})"
-        tell(f"error: {campaign.name} was deleted from {place}.")
+        tell(in_form(f"{campaign.name} was deleted from {place}"))
         return ExitCode.CANNOT_RUN
     for line in state.summary():
         say(line)

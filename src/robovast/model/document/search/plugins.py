@@ -9,7 +9,7 @@ from typing import Any
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import OPTUNA, SEARCH, Extra
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
-from robovast.model.document.problems import suggest
+from robovast.model.document.problems import as_hint, suggest
 
 STRATEGIES = "robovast.search_strategies"
 EXTRACTORS = "robovast.extractors"
@@ -43,9 +43,9 @@ def load_search_plugin(reference: str, group: str, folder: Path) -> Any:
             extra.require(f"The strategy `{reference}`")
         return EntryPoint(reference, value, group).load()
     if split_file_reference(reference) is None and reference not in installed:
-        hint = suggest(reference, [*built_in, *installed])
+        use = as_hint(suggest(reference, [*built_in, *installed]))
         raise InputError(
-            f"there is no plugin `{reference}` in {group}. {hint} A plugin in a file is written "
-            "`<path>.py:<name>`."
+            f"there is no plugin `{reference}` in {group}",
+            hint=f"{use} A plugin in a file is written `<path>.py:<name>`",
         )
     return load_plugin(reference, group, folder)
