@@ -16,7 +16,7 @@ from robovast.kubeapi.resources import GROUP, MANAGED_BY, MANAGED_LABEL, VERSION
 from robovast_operator.kube import malloc as heap
 from robovast_operator.kube.api import server
 from robovast_operator.operator import Operator
-from robovast_operator.settings import Settings, read_settings
+from robovast_operator.settings import OperatorSettings, read_settings
 
 LOGGER = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ class Handlers:
     to the event loop.
     """
 
-    def __init__(self, own: Settings) -> None:
+    def __init__(self, own: OperatorSettings) -> None:
         self._own = own
         self._operator: Operator | None = None
 
@@ -85,7 +85,7 @@ class Patience:
         return chain((0.5, 1.0, 2.0), repeat(4.0))
 
 
-def configure(settings: kopf.OperatorSettings, own: Settings) -> None:
+def configure(settings: kopf.OperatorSettings, own: OperatorSettings) -> None:
     """Configure kopf to watch only, without finalizers, annotations, events and peering."""
     settings.posting.enabled = False
     settings.scanning.disabled = True

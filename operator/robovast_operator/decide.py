@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 from robovast.kubeapi.status import CampaignStatus
-from robovast_operator.kube.events import Message
+from robovast_operator.kube.events import EventContent
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
 from robovast_operator.planning.campaign import Revision
@@ -99,7 +99,7 @@ Action = (
 
 
 @dataclass(frozen=True)
-class Decision:
+class CampaignDecision:
     """The actions to take, and the status to write."""
 
     status: CampaignStatus
@@ -107,20 +107,20 @@ class Decision:
     """Carried out before the status is written."""
     later: tuple[Action, ...] = ()
     """Actions to take after the status is written, since the status keeps what they remove."""
-    events: tuple[Message, ...] = ()
+    events: tuple[EventContent, ...] = ()
     """Kubernetes Events to create with the status."""
     again: float | None = None
     """When to reconcile again even if nothing changes [s]."""
 
 
-def decide(snapshot: Snapshot) -> Decision:
+def decide(snapshot: Snapshot) -> CampaignDecision:
     """Return the next steps of an accepted campaign."""
     actions = [*_open_jobs(snapshot), *_new_jobs(snapshot), *_upload(snapshot)]
     created = [action.shard for action in actions if isinstance(action, CreateShard)]
     status = campaign_status(snapshot, created)
     later = [*_cancel(snapshot), *_withdraw(snapshot), *_tidy(snapshot), *_expire(snapshot)]
     events = tuple(progress_events(snapshot, status))
-    return Decision(status, tuple(actions), tuple(later), events, _again(snapshot))
+    return CampaignDecision(status, tuple(actions), tuple(later), events, _again(snapshot))
 
 
 def _open_jobs(snapshot: Snapshot) -> list[Action]:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robovast.kubeapi.pod_contract.messages import Proposed
-from robovast.model.packing import Sample
+from robovast.model.packing import PackSample
 from robovast.model.packs import CampaignPlan, Entry
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
@@ -111,7 +111,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedPods:
     """What the pods of a Job show by our own containers."""
 
     finished: str = ""
@@ -135,7 +135,7 @@ class PodsCache:
     motion: Motion = field(default_factory=Motion)
     reports: dict[str, tuple[str, Mapping[int, Report]]] = field(default_factory=dict)
     """By Job: its failed indexes, and the reports of their pods."""
-    judged: dict[str, Judged] = field(default_factory=dict)
+    judged: dict[str, JudgedPods] = field(default_factory=dict)
     """Of `effects.own_pods`, by uid of a Job."""
     judged_at: float = -math.inf
     """When it last read pods that have not ended."""
@@ -145,7 +145,7 @@ class PodsCache:
     """By Job: the first of its pods."""
     finals: dict[str, Final] = field(default_factory=dict)
     proposals: dict[str, Proposed] = field(default_factory=dict)
-    samples: dict[str, tuple[int, list[Sample]]] = field(default_factory=dict)
+    samples: dict[str, tuple[int, list[PackSample]]] = field(default_factory=dict)
     """By Job: how many indexes had ended when its pods were read, and the times of these pods."""
     given_up: dict[str, Trouble] = field(default_factory=dict)
     """By uid of a Job that failed as a whole: the cause."""

@@ -16,12 +16,12 @@ from robovast_operator.kube.api import Api, ApiError, connect
 from robovast_operator.kube.lease import Leadership
 from robovast_operator.kube.metrics import Metrics
 from robovast_operator.kube.objects import Key, Object
-from robovast_operator.kube.resync import Kind, Resync
+from robovast_operator.kube.resync import Resync, WatchedKind
 from robovast_operator.kube.serve import serve
 from robovast_operator.kube.store import Id, JobState, Store, campaign_of, id_of
 from robovast_operator.kube.work_queue import WORKERS, WorkQueue, work
 from robovast_operator.reconcile import Reconciler
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 LOGGER = logging.getLogger(__name__)
 
@@ -35,7 +35,7 @@ _TERM: ContextVar[int] = ContextVar("term")
 class Operator:
     """The store, the queue, the workers and their background tasks."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: OperatorSettings) -> None:
         self._settings = settings
         self.store = Store()
         self.queue = WorkQueue()
@@ -155,10 +155,10 @@ class Operator:
         with self.metrics.reconciles.time():
             await self._reconcile(key)
 
-    def _kinds(self) -> tuple[Kind, ...]:
+    def _kinds(self) -> tuple[WatchedKind, ...]:
         """Return the watched kinds, for the periodic comparison."""
         return (
-            Kind(
+            WatchedKind(
                 "Campaigns",
                 paths.campaigns,
                 self.store.campaign_versions,
@@ -166,7 +166,7 @@ class Operator:
                 partial(self.campaign_event, "MODIFIED"),
                 self._forget_campaign,
             ),
-            Kind(
+            WatchedKind(
                 "Configurations",
                 paths.configurations,
                 self.store.configuration_versions,
@@ -174,7 +174,7 @@ class Operator:
                 partial(self.configuration_event, "MODIFIED"),
                 self._forget_configuration,
             ),
-            Kind(
+            WatchedKind(
                 "Jobs",
                 paths.jobs,
                 self.store.job_versions,

@@ -13,10 +13,10 @@ from robovast.storage.folder_ownership import distinct_name
 from robovast_operator.decide import (
     Action,
     AppendRuns,
+    CampaignDecision,
     CreateShard,
     CreateTask,
     CreateUpload,
-    Decision,
     DeleteJob,
     DeletePlan,
     ResizeJob,
@@ -56,7 +56,7 @@ from robovast_operator.pods.jobs import shard_job, task_job, upload_job
 from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.pods.reports import composed_of, given_up_of, proposed_of
 from robovast_operator.pods.tries import TASK_PODS_LOST, Tries
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.conditions import is_settled
 from robovast_operator.status.failures import trouble_of_error
@@ -70,7 +70,7 @@ class Reconciler:
     """Brings the objects of campaigns into the wanted state."""
 
     def __init__(
-        self, api: Api, store: Store, queue: WorkQueue, settings: Settings, metrics: Metrics
+        self, api: Api, store: Store, queue: WorkQueue, settings: OperatorSettings, metrics: Metrics
     ) -> None:
         self._api = api
         self._metrics = metrics
@@ -351,7 +351,7 @@ class Reconciler:
         return await self._inputs.planned(accepted, memory.inputs)
 
     async def _carry_out(
-        self, obj: Object, snapshot: Snapshot, decision: Decision, memory: Memory
+        self, obj: Object, snapshot: Snapshot, decision: CampaignDecision, memory: Memory
     ) -> None:
         """Act, then write the status, then remove what the status keeps.
 

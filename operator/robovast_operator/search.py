@@ -15,7 +15,7 @@ from robovast_operator.pods.tries import Tries
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchState:
     """The search of a campaign; most of it is None or empty if the campaign is no search."""
 
     accepted: Accepted

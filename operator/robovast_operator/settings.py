@@ -14,7 +14,7 @@ from robovast.model.expansion.limit import DEFAULT, variant_limit
 
 
 @dataclass(frozen=True)
-class Settings:
+class OperatorSettings:
     """Settings of the operator."""
 
     agent_image: str
@@ -69,7 +69,7 @@ class Settings:
     """How long a leader that has gone is waited for."""
 
 
-def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
+def read_settings(environment: Mapping[str, str] = os.environ) -> OperatorSettings:
     """Return settings from ROBOVAST_* variables.
 
     Raises:
@@ -89,7 +89,7 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         name = f"ROBOVAST_{setting.upper()}"
         value = environment.get(name, "")
         try:
-            return float(value) if value else float(getattr(Settings, setting))
+            return float(value) if value else float(getattr(OperatorSettings, setting))
         except ValueError as error:
             raise InputError(
                 f"The environment variable {name} is not a number: {value}."
@@ -99,8 +99,10 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> Settings:
         given = environment.get(variable, "").split(",")
         return tuple(name.strip() for name in given if name.strip())
 
-    numbers = {f.name: number(f.name) for f in fields(Settings) if isinstance(f.default, float)}
-    return Settings(
+    numbers = {
+        f.name: number(f.name) for f in fields(OperatorSettings) if isinstance(f.default, float)
+    }
+    return OperatorSettings(
         agent_image=needed("ROBOVAST_AGENT_IMAGE"),
         endpoint=needed("ROBOVAST_S3_ENDPOINT"),
         region=environment.get("ROBOVAST_S3_REGION") or None,

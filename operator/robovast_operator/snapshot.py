@@ -22,13 +22,13 @@ from robovast_operator.kube.conditions import is_true
 from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
-from robovast_operator.planning.rounds import Rounds
+from robovast_operator.planning.rounds import PlanningRounds
 from robovast_operator.planning.shards import WINDOW, ShardPlan, first_attempts, repetitions
 from robovast_operator.pods.findings import Final, PodFindings, Trouble
 from robovast_operator.pods.tries import TASK_PODS_LOST, Tries, number_of
 from robovast_operator.pods.verdicts import ShardRuns, Tally, tally_of, total
 from robovast_operator.pods.waiting import QueueFindings, Waiting
-from robovast_operator.search import Search
+from robovast_operator.search import SearchState
 
 
 @dataclass(frozen=True)
@@ -132,9 +132,9 @@ class Snapshot:
         return self.revisions[-1].plan
 
     @cached_property
-    def search(self) -> Search:
+    def search(self) -> SearchState:
         """Return the campaign's search; most of it is empty without a search."""
-        return Search(
+        return SearchState(
             self.accepted,
             self.revisions,
             self.status.search,
@@ -144,10 +144,12 @@ class Snapshot:
         )
 
     @cached_property
-    def rounds(self) -> Rounds:
+    def rounds(self) -> PlanningRounds:
         """Return the rounds in which runs are put into packs, where packs are measured."""
         newest, identity = self.revisions[-1], self.accepted.identity
-        return Rounds(identity, newest, self.open, self.accepted.spec.parallelism, self.pods.pace)
+        return PlanningRounds(
+            identity, newest, self.open, self.accepted.spec.parallelism, self.pods.pace
+        )
 
     @cached_property
     def past_plans(self) -> list[str]:

@@ -18,7 +18,7 @@ from robovast.campaign.run_record import RunRecord, read_run_record, result_with
 from robovast.campaign.verdict import Verdict
 
 if TYPE_CHECKING:
-    from robovast.analysis.postprocessing.events import CampaignSummary, Failure
+    from robovast.analysis.postprocessing.events import Failure, PostprocessingSummary
     from robovast.analysis.postprocessing.events import Options as PostprocessingOptions
     from robovast.analysis.tables.query import Answer
     from robovast.execution.local import LocalOptions
@@ -70,7 +70,7 @@ class Campaign:
         folders = Layout(self.folder).run_folders()
         return [_stored_run(folder, parameters.get(folder.parent.name, {})) for folder in folders]
 
-    def postprocess(self, options: PostprocessingOptions | None = None) -> CampaignSummary:
+    def postprocess(self, options: PostprocessingOptions | None = None) -> PostprocessingSummary:
         """Update the tables, metadata and graph of the campaign.
 
         Args:
@@ -186,5 +186,5 @@ class _PostprocessingLog:
     def message(self, text: str) -> None:
         _log.info(text)
 
-    def campaign_finished(self, summary: CampaignSummary) -> None:
+    def campaign_finished(self, summary: PostprocessingSummary) -> None:
         _log.info("%s: postprocessed", summary.campaign)

@@ -33,13 +33,13 @@ sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in (".", "testbed
 from support.campaigns.local import DOCUMENT, Recorder, make_campaign, run  # noqa: E402
 
 from robovast.model.estimate import (  # noqa: E402
+    CampaignProgress,
     Forecast,
-    Progress,
     Spent,
     forecast,
     remaining,
 )
-from robovast.model.packing import Sample, next_packs, pace_of  # noqa: E402
+from robovast.model.packing import PackSample, next_packs, pace_of  # noqa: E402
 from robovast.model.plan import Run  # noqa: E402
 
 KINDS: dict[str, Callable[[random.Random], float]] = {
@@ -76,7 +76,7 @@ class Pack:
     """One that has ended."""
 
     begin: float
-    took: Sample
+    took: PackSample
 
     @property
     def end(self) -> float:
@@ -103,24 +103,24 @@ class Campaign:
     measured: bool = False
     """Whether they are as large as measured."""
 
-    def at(self, percent: int) -> tuple[float, Progress]:
+    def at(self, percent: int) -> tuple[float, CampaignProgress]:
         """When so many of its runs had ended, and how far it was then."""
         now = self.ends[self.runs * percent // 100 - 1]
         done = bisect_right(self.ends, now)
         left = self.runs - done
         if not self.packs:
-            return now, Progress(done, left, min(left, self.workers), self.workers, now)
+            return now, CampaignProgress(done, left, min(left, self.workers), self.workers, now)
         ended = [pack for pack in self.packs if pack.end <= now]
         active = [pack for pack in self.packs if pack.begin <= now < pack.end]
         begun = sum(pack.took.runs for pack in active)
         if not self.measured:
             size = self.runs / len(self.packs)
-            return now, Progress(done, left, begun, self.workers, now, size)
+            return now, CampaignProgress(done, left, begun, self.workers, now, size)
         pace, workers = pace_of(pack.took for pack in ended), self.workers
         assert pace is not None
         packs = len(ended) + len(active)
         starts = max(0.0, min(pace.start * packs / workers, now - pace.run * done / workers))
-        return now, Progress(done, left, begun, workers, now, starts=starts)
+        return now, CampaignProgress(done, left, begun, workers, now, starts=starts)
 
 
 def simulated(number: int, dice: random.Random) -> Iterable[Campaign]:
@@ -158,7 +158,7 @@ def _simulate(times: list[float], workers: int, size: int) -> list[Pack]:
             left = left[planned:]
         if cut and len(active) < workers:
             runs = cut.pop(0)
-            pack = Pack(now, Sample(len(runs), sum(runs), START + sum(runs)))
+            pack = Pack(now, PackSample(len(runs), sum(runs), START + sum(runs)))
             heapq.heappush(active, (pack.end, number, pack))
         elif active:
             now, _, over = heapq.heappop(active)

@@ -43,11 +43,11 @@ from scipy.special import expit
 from scipy.stats import qmc
 
 from robovast.campaign.layout import Layout
-from robovast.execution.local import LocalOptions, Summary, run_campaign
+from robovast.execution.local import ExecutionSummary, LocalOptions, run_campaign
 from robovast.model.document import load_document
 from robovast.model.document.search.section import Search
 from robovast.search import rounds
-from robovast.search.history import History
+from robovast.search.history import SearchHistory
 from robovast.search.local import run_search
 from robovast.search.plugins import strategy_of
 from robovast.search.rounds import ENOUGH, OPEN
@@ -327,7 +327,7 @@ def workers(many: int) -> None:
             share, made = _executed(Path(folder, "search"), WORKERS, many, run_search)
             sets = [
                 params.values
-                for batch in History(Layout(made.campaign)).batches
+                for batch in SearchHistory(Layout(made.campaign)).batches
                 for params in batch.proposal.sets
             ]
             given = [{"name": f"c{i}", "parameters": [v]} for i, v in enumerate(sets)]
@@ -340,8 +340,8 @@ def workers(many: int) -> None:
 
 
 def _executed(
-    folder: Path, extra: str, many: int, execute: Callable[..., Summary]
-) -> tuple[float, Summary]:
+    folder: Path, extra: str, many: int, execute: Callable[..., ExecutionSummary]
+) -> tuple[float, ExecutionSummary]:
     """The share of the workers' time that runs of a document take, and what was executed."""
     folder.mkdir()
     (folder / "step.sh").write_text(STEP_SCRIPT)

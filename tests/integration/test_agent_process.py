@@ -22,7 +22,7 @@ from robovast.agent.__main__ import main
 from robovast.agent.bucket import Bucket
 from robovast.agent.process import CACHE, add_to_run, describe
 from robovast.agent.untrusted_files import store_own_tree
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
+from robovast.analysis.postprocessing.events import Failure, Options, PostprocessingSummary
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.kubeapi.pod_contract.storage_address import ENDPOINT
 from robovast.model.packs import CampaignPlan
@@ -67,7 +67,7 @@ class Quiet:
     def step_advanced(self) -> None: ...
     def failed(self, failure: Failure) -> None: ...
     def message(self, text: str) -> None: ...
-    def campaign_finished(self, summary: CampaignSummary) -> None: ...
+    def campaign_finished(self, summary: PostprocessingSummary) -> None: ...
 
 
 class Stored:
@@ -152,7 +152,7 @@ def download(campaign: Campaign | Stored, home: Path) -> Path:
     return folder
 
 
-def postprocess_at_home(folder: Path) -> CampaignSummary:
+def postprocess_at_home(folder: Path) -> PostprocessingSummary:
     (summary,) = postprocess(folder, Options(jobs=1), Quiet())
     assert not summary.failures
     return summary

@@ -20,8 +20,8 @@ from support.optional import needs
 
 from robovast.agent import propose as propose_module
 from robovast.agent.bucket import Bucket
-from robovast.agent.campaign import Campaign as AgentCampaign
-from robovast.agent.composed import Composed
+from robovast.agent.campaign import PodCampaign as AgentCampaign
+from robovast.agent.composed import ComposedVariants
 from robovast.agent.mounts import Folders
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import Layout
@@ -236,7 +236,7 @@ class Stages:
         assert plan.composed is not None
         bucket = Bucket(self.store, plan.bucket, plan.owner)
         layout = Layout(self.work / "nowhere")
-        variants = Composed(bucket, layout, plan.composed, growing=True)
+        variants = ComposedVariants(bucket, layout, plan.composed, growing=True)
         for pack in packs:
             for id_ in plan.plan.pack(pack):
                 variant, number = plan.plan.run(id_)

@@ -10,7 +10,7 @@ from textwrap import dedent
 import pytest
 from support.campaigns.local import run, verdicts
 
-from robovast.execution.local import Summary
+from robovast.execution.local import ExecutionSummary
 
 EXECUTION = """\
 execution:
@@ -109,7 +109,9 @@ sys.exit(int(track.min() < -0.6))
 """
 
 
-def execute(tmp_path: Path, document: str, scenario: str, program: str, runs: int) -> Summary:
+def execute(
+    tmp_path: Path, document: str, scenario: str, program: str, runs: int
+) -> ExecutionSummary:
     folder = tmp_path / "in"
     (folder / "files").mkdir(parents=True)
     name = scenario.partition("/files/")[2].partition(".py")[0]

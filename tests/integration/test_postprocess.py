@@ -17,7 +17,7 @@ import yaml
 from support.campaigns.finished import NAME, add_run, as_of_another_tool, finished_campaign
 from support.campaigns.local import make_campaign, run
 
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
+from robovast.analysis.postprocessing.events import Failure, Options, PostprocessingSummary
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.analysis.tables.query import ask
 
@@ -70,7 +70,7 @@ class Watcher:
     def campaign_started(self, campaign: Path, runs: int) -> None: ...
     def step_started(self, title: str, total: int) -> None: ...
     def step_advanced(self) -> None: ...
-    def campaign_finished(self, summary: CampaignSummary) -> None: ...
+    def campaign_finished(self, summary: PostprocessingSummary) -> None: ...
 
     def failed(self, failure: Failure) -> None:
         self.failures.append(failure)
@@ -79,7 +79,7 @@ class Watcher:
         self.messages.append(text)
 
 
-def work(campaign: Path, **options: object) -> CampaignSummary:
+def work(campaign: Path, **options: object) -> PostprocessingSummary:
     chosen = {"skip_metadata": True, "skip_tables": True, **options}
     summaries = postprocess(campaign.parent, Options(**chosen), Watcher())  # type: ignore[arg-type]
     return next(s for s in summaries if s.campaign == campaign.absolute())

@@ -9,7 +9,7 @@ from uuid import uuid4
 import pytest
 from robovast_testbed.s3 import Server
 
-from robovast.analysis.publication.context import Campaign, PublicationContext
+from robovast.analysis.publication.context import PublicationCampaign, PublicationContext
 from robovast.analysis.publication.s3 import S3Upload
 from robovast.base.errors import InputError, StorageError
 from robovast.storage.endpoint import Credentials, Endpoint
@@ -40,7 +40,9 @@ def context(tmp_path: Path) -> PublicationContext:
     (run / "out.csv").write_text("1,2\n")
     (run / "job").symlink_to("out.csv")
     (tmp_path / f"{NAME}.zip").write_bytes(b"zip" * 1000)
-    return PublicationContext((Campaign(tmp_path / NAME, {}),), (tmp_path / f"{NAME}.zip",))
+    return PublicationContext(
+        (PublicationCampaign(tmp_path / NAME, {}),), (tmp_path / f"{NAME}.zip",)
+    )
 
 
 def test_archives_are_uploaded_once(

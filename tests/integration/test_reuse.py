@@ -18,7 +18,7 @@ from robovast.analysis.tables.runs import run_rows
 from robovast.campaign.imported import mark_imported
 from robovast.campaign.junit import merged_suites
 from robovast.campaign.layout import Layout
-from robovast.execution.local import Summary
+from robovast.execution.local import ExecutionSummary
 
 VAST = Path(sys.executable).with_name("vast")
 SCRIPT = 'echo "$1,$ROBOVAST_SEED" > "$3/out.csv"\n[ "$1" != 2 ]\n'
@@ -41,7 +41,7 @@ def first(executed: Path, tmp_path: Path) -> Path:
     return campaign
 
 
-def again(first: Path, **options: object) -> tuple[Summary, Recorder]:
+def again(first: Path, **options: object) -> tuple[ExecutionSummary, Recorder]:
     """Another campaign of the same results folder, which reuses runs."""
     told = Recorder()
     return run(
@@ -49,7 +49,7 @@ def again(first: Path, **options: object) -> tuple[Summary, Recorder]:
     ), told
 
 
-def reused(summary: Summary) -> dict[str, str]:
+def reused(summary: ExecutionSummary) -> dict[str, str]:
     return {f"{r.variant}/{r.run}": r.reused_from for r in summary.records}
 
 

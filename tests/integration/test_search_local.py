@@ -31,7 +31,7 @@ from robovast.model.packs import RUNS_LIMIT
 from robovast.model.plan import Run
 from robovast.search import local as search_local
 from robovast.search import rounds
-from robovast.search.history import History
+from robovast.search.history import SearchHistory
 from robovast.search.local import SearchSummary, execute_document, resume
 from robovast.search.plugins import make_strategy
 
@@ -229,7 +229,7 @@ def test_more_runs_than_a_campaign_can_have_are_refused_before_there_is_one(
 
 def test_what_has_no_effect_in_a_search_that_goes_on_is_said(tmp_path: Path) -> None:
     summary, _ = run_searched(tmp_path, at_random(1))
-    name = next(iter(History(Layout(summary.campaign)).configs().values()))
+    name = next(iter(SearchHistory(Layout(summary.campaign)).configs().values()))
     recorder = Recorder()
     options = LocalOptions(runtime="process", select=[name], runs=9, abort_on_failure=True)
     resume(summary.campaign, options, recorder)
@@ -337,7 +337,7 @@ def test_errors_of_an_extractor_are_the_sets_and_the_search_goes_on(tmp_path: Pa
     assert "SystemExit: no 60s" in told
     assert "`score` must be a finite number, not nan" in told
     assert "the objective `score` is missing; there are: other" in told
-    scores = History(_layout(summary.campaign)).scores()
+    scores = SearchHistory(_layout(summary.campaign)).scores()
     assert sum("no 60s" in score.trace for score in scores.values()) == 1
     status = "SELECT status FROM unit ORDER BY status"
     assert stored_rows(summary.campaign, status) == [*[("errored",)] * 3, ("evaluated",)]
@@ -394,7 +394,7 @@ def test_fewer_sets_than_asked_and_numbers_that_are_none_do_no_harm(tmp_path: Pa
     extra += "  strategy_parameters: {at: never}\n"
     summary, _ = run_searched(tmp_path, extra)
     assert len(summary.records) == 1
-    batches = History(_layout(summary.campaign)).batches
+    batches = SearchHistory(_layout(summary.campaign)).batches
     assert [dict(batch.outcome.metrics) for batch in batches if batch.outcome] == [{"fine": 1}] * 3
 
 
@@ -496,7 +496,7 @@ def test_batches_are_asked_further_ahead_until_runs_are_enough_for_any_machine(
     found = {}
     for jobs in (1, 3):
         summary, _ = run_searched(tmp_path / str(jobs), at_random(5), jobs=jobs)
-        batches = History(_layout(summary.campaign)).batches
+        batches = SearchHistory(_layout(summary.campaign)).batches
         assert [batch.proposal.ahead for batch in batches] == ahead
         found[jobs] = proposed_values(summary.campaign)
     assert found[1] == found[3]
@@ -509,7 +509,7 @@ def test_batches_that_fill_the_space_do_not_wait_for_the_first_one(tmp_path: Pat
     found = {}
     for jobs in (1, 3):
         summary, _ = run_searched(tmp_path / str(jobs), extra, jobs=jobs)
-        batches = History(_layout(summary.campaign)).batches
+        batches = SearchHistory(_layout(summary.campaign)).batches
         assert [batch.proposal.ahead for batch in batches] == [0, 1, 1, 2, 2]
         assert [batch.proposal.told for batch in batches] == [0, 0, 2, 2, 4]
         found[jobs] = proposed_values(summary.campaign)
@@ -527,5 +527,5 @@ def test_workers_begin_the_next_batch_before_the_last_run_of_this_one_ends(tmp_p
     summary = execute_document(load_document(path), tmp_path / "out", options, recorder)
     assert {record.verdict.value for record in summary.records} == {"passed"}
     assert len(summary.records) == 6
-    ahead = [b.proposal.ahead for b in History(_layout(summary.campaign)).batches]
+    ahead = [b.proposal.ahead for b in SearchHistory(_layout(summary.campaign)).batches]
     assert ahead == [0, 0, 1]

@@ -289,7 +289,7 @@ export interface LogPage {
 }
 
 /** Columns with numbers, by table. */
-export interface Metrics {
+export interface MetricColumns {
   columns: Record<string, string[]>;
   /** Those that have one value everywhere. */
   same: Record<string, string[]>;

@@ -1,6 +1,6 @@
 // What the cells of a matrix are coloured by: the failure rate, the duration, a column of a table.
 import { useMemo } from "preact/hooks";
-import { address, type Columns, type Metric, type Metrics } from "./api";
+import { address, type Columns, type Metric, type MetricColumns } from "./api";
 import { variantOf, type Run, type Shown } from "./data";
 import { useAnswer } from "./live";
 import { Select, type Option } from "./parts";
@@ -36,7 +36,7 @@ export function useMeasure(data: Columns, colour: string, aggregate: string): Sh
 }
 
 /** Columns by their table; those with one value everywhere, which colour all cells alike, come last. */
-export function optionsOf({ columns, same }: Metrics): Option[] {
+export function optionsOf({ columns, same }: MetricColumns): Option[] {
   const all = Object.entries(columns).flatMap(([table, names]) => names.map((name) => [table, name] as const));
   const isSame = ([table, name]: readonly [string, string]) => Object.hasOwn(same, table) && same[table]!.includes(name);
   return [
@@ -52,7 +52,7 @@ interface ChooserProps {
 }
 
 export function Chooser({ campaign, colour, aggregate }: ChooserProps) {
-  const { data } = useAnswer<Metrics>(address(["campaigns", campaign, "metrics"]));
+  const { data } = useAnswer<MetricColumns>(address(["campaigns", campaign, "metrics"]));
   const columns = useMemo(() => (data ? optionsOf(data) : []), [data]);
   const chosen = parts(colour);
   const options: Option[] = [["", COMMON.failureRate], ["duration", COMMON.meanDuration], ...columns];

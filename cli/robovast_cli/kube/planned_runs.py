@@ -145,8 +145,8 @@ def _expanded(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list
 def _composed(plan: CampaignPlan, store: ObjectStore, folder: Path) -> list[str]:
     """Names of the variants that the compose Job has stored."""
     with CLUSTER.needed_by("Access to a cluster"):
-        from robovast.agent.campaign import Campaign, open_composed
+        from robovast.agent.campaign import PodCampaign, open_composed
         from robovast.agent.mounts import Folders
 
-    _, variants = open_composed(Campaign(plan, Folders(work=folder), store))
+    _, variants = open_composed(PodCampaign(plan, Folders(work=folder), store))
     return [variant.name for variant in variants]

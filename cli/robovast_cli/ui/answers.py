@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from robovast.analysis.provenance.query import Answer, Graphs, query_names, read_query
+from robovast.analysis.provenance.query import GraphAnswer, Graphs, query_names, read_query
 from robovast.analysis.provenance.vocabulary import PREFIXES
 from robovast.base.errors import InputError
 from robovast.base.file_errors import read_text
@@ -49,12 +49,12 @@ def _read(query: str) -> str:
     return read_text(path) if path.is_file() else read_query(query)
 
 
-def _print_csv(answer: Answer, graphs: Graphs) -> None:
+def _print_csv(answer: GraphAnswer, graphs: Graphs) -> None:
     del graphs
     say_data(answer.csv())
 
 
-def _print_json(answer: Answer, graphs: Graphs) -> None:
+def _print_json(answer: GraphAnswer, graphs: Graphs) -> None:
     del graphs
     lines = (
         json.dumps(dict(zip(answer.columns, row, strict=True)), ensure_ascii=False)
@@ -63,7 +63,7 @@ def _print_json(answer: Answer, graphs: Graphs) -> None:
     say_data(printable_json("[\n" + ",\n".join(lines) + "\n]\n"))
 
 
-def _print_table(answer: Answer, graphs: Graphs) -> None:
+def _print_table(answer: GraphAnswer, graphs: Graphs) -> None:
     shorten = _shortener(graphs)
     rows = [[shorten(value) for value in row] for row in answer]
     noun = "row" if len(rows) == 1 else "rows"
@@ -94,7 +94,7 @@ def _text(value: Any) -> str:
     return f"{value:.10g}" if isinstance(value, float) else str(value).lower()
 
 
-_FORMATS: Mapping[Format, Callable[[Answer, Graphs], None]] = {
+_FORMATS: Mapping[Format, Callable[[GraphAnswer, Graphs], None]] = {
     "table": _print_table,
     "csv": _print_csv,
     "json": _print_json,

@@ -18,7 +18,7 @@ from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.layout import SYSTEM_LOG, Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.execution.local import LocalOptions, Summary
+from robovast.execution.local import ExecutionSummary, LocalOptions
 from robovast.execution.local.process_environment import VARIABLE
 from robovast.model.document import Document
 from robovast.model.expansion import select_variants
@@ -106,7 +106,7 @@ def resume(campaign: Path, options: LocalOptions) -> ExitCode:
     return _watch(lambda view: search.resume(campaign, options, view))
 
 
-def _watch(execute: Callable[[LocalView], Summary]) -> ExitCode:
+def _watch(execute: Callable[[LocalView], ExecutionSummary]) -> ExitCode:
     with view() as shows:
         summary = execute(shows)
     for line in summary_lines(summary):
@@ -119,7 +119,7 @@ def view() -> LocalView:
     return LocalView(partial(LiveView, transient=True) if is_live(sys.stdout) else None)
 
 
-def exit_code(summary: Summary) -> ExitCode:
+def exit_code(summary: ExecutionSummary) -> ExitCode:
     """The command's exit code for a campaign."""
     verdicts = {record.verdict for record in summary.records}
     if summary.interrupted:
@@ -134,7 +134,7 @@ def exit_code(summary: Summary) -> ExitCode:
     return ExitCode.OK
 
 
-def summary_lines(summary: Summary) -> Iterator[str]:
+def summary_lines(summary: ExecutionSummary) -> Iterator[str]:
     """The result of a campaign: a line for each cause of failures, counts, the results folder."""
     yield ""
     if isinstance(summary, SearchSummary):
@@ -150,7 +150,7 @@ def summary_lines(summary: Summary) -> Iterator[str]:
         yield f"Continue: vast exec local run --resume {folder}"
 
 
-def _causes(summary: Summary) -> Iterator[str]:
+def _causes(summary: ExecutionSummary) -> Iterator[str]:
     groups = failure_groups((record, record.verdict, record.reason) for record in summary.records)
     listed = _listed(groups)
     for group in listed:
@@ -162,7 +162,7 @@ def _causes(summary: Summary) -> Iterator[str]:
     yield from _lacking(summary)
 
 
-def _lacking(summary: Summary) -> Iterator[str]:
+def _lacking(summary: ExecutionSummary) -> Iterator[str]:
     """Yield the remedy if a local process lacks a Python module."""
     for record in summary.records:
         if record.runtime == "process" and _LACKS in record.reason:
@@ -177,7 +177,7 @@ def _listed(groups: Sequence[FailureGroup[RunRecord]]) -> list[FailureGroup[RunR
     return [group for group in groups if group in chosen]
 
 
-def _cause_line(summary: Summary, group: FailureGroup[RunRecord]) -> str:
+def _cause_line(summary: ExecutionSummary, group: FailureGroup[RunRecord]) -> str:
     first, count = group.runs[0], len(group.runs)
     log = shown(Layout(summary.campaign).job(first.job) / SYSTEM_LOG)
     verdicts = "/".join(group.verdicts)
@@ -185,7 +185,7 @@ def _cause_line(summary: Summary, group: FailureGroup[RunRecord]) -> str:
     return f"{verdicts:<8}{count:>4} × {group.text}  {first.variant}/{first.run}{more} ({log})"
 
 
-def _counts(summary: Summary) -> str:
+def _counts(summary: ExecutionSummary) -> str:
     parts = _verdicts(summary.records)
     spared = sum(one.spared for one in summary.decided)
     parts += [f"{spared} not needed"] if spared else []
@@ -196,7 +196,7 @@ def _counts(summary: Summary) -> str:
     return f"{summary.total} {noun}: {', '.join(parts) or 'none'}{note}"
 
 
-def _decisions(summary: Summary) -> str:
+def _decisions(summary: ExecutionSummary) -> str:
     decisions = [one.decision for one in summary.decided]
     needed = sum(decision.runs for decision in decisions)
     ahead = len(summary.records) - needed

@@ -17,14 +17,14 @@ STEPS = 100
 """Into how many parts a campaign is divided: a line is printed for each at most."""
 
 
-class View(Protocol):
+class ClusterView(Protocol):
     """Shows campaigns."""
 
     def update(self, campaigns: Sequence[CampaignState]) -> None:
         """Show how they are now."""
 
 
-def follow_view() -> AbstractContextManager[View]:
+def follow_view() -> AbstractContextManager[ClusterView]:
     """A live view on a terminal, lines elsewhere."""
     return LiveCampaigns() if is_live(sys.stdout) else CampaignLines()
 

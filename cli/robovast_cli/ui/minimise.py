@@ -12,7 +12,7 @@ from robovast.analysis.minimise.minimising import (
     continue_minimising,
     minimise_run,
 )
-from robovast.analysis.minimise.record import Step
+from robovast.analysis.minimise.record import MinimiseStep
 from robovast.analysis.minimise.record import shown as shown_value
 from robovast.analysis.minimise.shrinking import Items, Ladder
 from robovast.base.errors import ExitCode, InputError
@@ -102,7 +102,7 @@ def _rows(found: Minimised) -> Iterator[list[str]]:
             yield [name, str(now), "" if was == now else str(was), tried]
 
 
-def _mildest(reduction: Items | Ladder, steps: Sequence[Step]) -> Any:
+def _mildest(reduction: Items | Ladder, steps: Sequence[MinimiseStep]) -> Any:
     """The mildest value of a parameter among those that were tried."""
     tried = (step.parameters[reduction.parameter] for step in steps)
     return min(tried, key=len if isinstance(reduction, Items) else reduction.values.index)

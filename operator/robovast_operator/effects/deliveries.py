@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from robovast_operator.effects.diagnose import Diagnosis
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.events import Message
+from robovast_operator.kube.events import EventContent
 from robovast_operator.kube.objects import Identity
 from robovast_operator.kube.sentences import clause, with_remedy
 from robovast_operator.kube.store import NOTIFY_ROLE, JobState
@@ -33,7 +33,7 @@ class Deliveries:
                 await announce(self._api, identity, message)
             reported.add(job.uid)
 
-    async def _message(self, job: JobState) -> Message | None:
+    async def _message(self, job: JobState) -> EventContent | None:
         failed, notice = job.finished == "Failed", job.role == NOTIFY_ROLE
         if notice and not failed:
             return None
@@ -43,13 +43,13 @@ class Deliveries:
             message = with_remedy(
                 "A notification could not be sent", "\n".join(causes), "Check spec.notifications."
             )
-            return Message("Warning", "NotificationFailed", message, job.uid)
+            return EventContent("Warning", "NotificationFailed", message, job.uid)
         if failed:
             cause = last_message(pods, job.role) or job.message
             message = (
                 f"The results could not be uploaded to the file share: {clause(cause)}. Check the "
                 "Secret of spec.share."
             )
-            return Message("Warning", "UploadFailed", message, job.uid)
+            return EventContent("Warning", "UploadFailed", message, job.uid)
         message = "The results are uploaded to the file share."
-        return Message("Normal", "Uploaded", message, job.uid)
+        return EventContent("Normal", "Uploaded", message, job.uid)

@@ -37,7 +37,7 @@ from robovast_operator.pods.pod_status import is_stuck, trouble_of
 from robovast_operator.pods.reports import final_of, proposed_of, reports_of, sample_of
 from robovast_operator.pods.stalls import RECOVERY, cause_of, may_store, unseen_cause
 from robovast_operator.pods.verdicts import Report
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 REPORT_SECONDS = 10.0
 """Shortest time between two readings of an open Job's failed pods [s]."""
@@ -67,7 +67,7 @@ class Diagnosis:
     """Reads the pods of campaigns, as rarely as possible."""
 
     def __init__(
-        self, api: Api, settings: Settings, queues: Queues, limits: NamespaceLimitsReader
+        self, api: Api, settings: OperatorSettings, queues: Queues, limits: NamespaceLimitsReader
     ) -> None:
         self._api = api
         self._settings = settings

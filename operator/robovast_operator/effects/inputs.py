@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from robovast.base.errors import InputError
 from robovast.base.yaml_files import parse_yaml
-from robovast.kubeapi.resources import CampaignSpec, Source
+from robovast.kubeapi.resources import CampaignSource, CampaignSpec
 from robovast.kubeapi.source_files import Files, config_map_files, inline_files
 from robovast.model.packs import CampaignPlan, Entry
 from robovast_operator.effects.needs import MISSING, Needs
@@ -40,7 +40,7 @@ from robovast_operator.planning.revisions import (
     read_revisions,
 )
 from robovast_operator.pods.jobs import campaign_plan, files_config_map, plan_config_map
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 LOGGER = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ class Inputs:
     """Reads and checks the inputs of campaigns, and makes the ConfigMaps that fix them."""
 
     def __init__(
-        self, api: Api, store: Store, settings: Settings, again: Callable[[Key], None]
+        self, api: Api, store: Store, settings: OperatorSettings, again: Callable[[Key], None]
     ) -> None:
         """
         Args:
@@ -144,7 +144,7 @@ class Inputs:
         accepted = await asyncio.to_thread(accept, obj, None, self._settings)
         if isinstance(accepted, Rejected):
             return accepted
-        without = accepted.spec.model_copy(update={"source": Source()})
+        without = accepted.spec.model_copy(update={"source": CampaignSource()})
         accepted = replace(accepted, spec=without)
         planned = await self._where(accepted.identity, cache)
         if planned is not None:

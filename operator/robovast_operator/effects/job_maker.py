@@ -8,7 +8,7 @@ from robovast_operator.effects.jobs import Jobs
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.events import Message
+from robovast_operator.kube.events import EventContent
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import QUEUE_LABEL, JobState, Store
 from robovast_operator.planning.campaign import Accepted
@@ -53,7 +53,7 @@ class JobMaker:
                 f"{accepted.address}. The operator creates the Job {job.name} again. Stored runs "
                 "are kept."
             )
-            message = Message("Normal", "StorageMoved", text, job.uid)
+            message = EventContent("Normal", "StorageMoved", text, job.uid)
             await announce(self._api, accepted.identity, message)
             await self._api.delete(f"{paths.jobs(job.namespace)}/{job.name}")
 

@@ -17,14 +17,14 @@ from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.times import now
 from robovast_operator.kube.work_queue import WorkQueue
 from robovast_operator.pods.jobs import notify_job
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 from robovast_operator.status.notices import due, interested, job_suffix, marked, notice
 
 
 class Notifier:
     """Makes the Jobs of due notices."""
 
-    def __init__(self, queue: WorkQueue, settings: Settings) -> None:
+    def __init__(self, queue: WorkQueue, settings: OperatorSettings) -> None:
         self._queue = queue
         self._settings = settings
 

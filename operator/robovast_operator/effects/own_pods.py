@@ -14,7 +14,7 @@ from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
-from robovast_operator.memory import Judged, PodsCache
+from robovast_operator.memory import JudgedPods, PodsCache
 from robovast_operator.pods.own import (
     ending_of,
     foreign_names,
@@ -65,9 +65,9 @@ class OwnPods:
         if waiting and time.monotonic() - cache.judged_at >= pause:
             await self._look(waiting, cache, fieldSelector=_ALIVE)
             cache.judged_at = time.monotonic()
-        if new := [job for job in lost if not cache.judged.get(job.uid, Judged()).finished]:
+        if new := [job for job in lost if not cache.judged.get(job.uid, JudgedPods()).finished]:
             await self._look(new, cache)
-        seen = {job: cache.judged.get(job.uid, Judged()) for job in (*waiting, *lost)}
+        seen = {job: cache.judged.get(job.uid, JudgedPods()) for job in (*waiting, *lost)}
         cache.foreign = any(seen[job].foreign for job in waiting)
         return {**jobs, **{job.name: _corrected(job, seen[job]) for job in seen}}
 
@@ -81,12 +81,14 @@ class OwnPods:
             if len(found) < MOST:
                 found.append(pod)
         for job in jobs:
-            before = cache.judged.get(job.uid, Judged())
+            before = cache.judged.get(job.uid, JudgedPods())
             cache.judged[job.uid] = await self._judged(job, pods[job.uid], before)
 
-    async def _judged(self, job: JobState, pods: Sequence[Object], before: Judged) -> Judged:
+    async def _judged(
+        self, job: JobState, pods: Sequence[Object], before: JudgedPods
+    ) -> JudgedPods:
         """Return the findings of a Job's pods; stop pods whose work is done."""
-        seen = Judged(job.finished, reports=before.reports)
+        seen = JudgedPods(job.finished, reports=before.reports)
         if job.open and not any(map(foreign_names, pods)):
             return seen
         alive = [pod for pod in pods if is_alive(pod)]
@@ -138,7 +140,7 @@ def _is_lost(job: JobState) -> bool:
     return job.finished == "Failed" and job.role != SHARD_ROLE and not job.elsewhere
 
 
-def _corrected(job: JobState, seen: Judged) -> JobState:
+def _corrected(job: JobState, seen: JudgedPods) -> JobState:
     """Return a Job with the state of our own containers."""
     if job.role == SHARD_ROLE:
         if not seen.foreign:

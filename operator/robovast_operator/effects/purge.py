@@ -11,14 +11,14 @@ from robovast_operator.effects.jobs import Jobs
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.events import Message
+from robovast_operator.kube.events import EventContent
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.sentences import clause, sentence
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Rejected
 from robovast_operator.pods.jobs import plan_config_map, task_job
 from robovast_operator.pods.pod_status import trouble_of
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 LOGGER = logging.getLogger(__name__)
 
@@ -28,7 +28,9 @@ FINALIZER = "robovast.io/purge"
 class Purge:
     """The finalizer of `retention: Delete`; every other Campaign has none."""
 
-    def __init__(self, api: Api, settings: Settings, diagnosis: Diagnosis, jobs: Jobs) -> None:
+    def __init__(
+        self, api: Api, settings: OperatorSettings, diagnosis: Diagnosis, jobs: Jobs
+    ) -> None:
         self._api = api
         self._jobs = jobs
         self._settings = settings
@@ -110,7 +112,7 @@ class Purge:
     async def _report_waiting(self, obj: Object, why: str) -> None:
         """Report by an Event why no Job can remove the bucket."""
         text = sentence(f"The bucket and the Campaign cannot be deleted: {why}")
-        message = Message("Warning", "DeletionIncomplete", text, why)
+        message = EventContent("Warning", "DeletionIncomplete", text, why)
         await announce(self._api, Identity.of(obj), message)
 
     async def _set(self, obj: Object, finalizers: list[str]) -> None:

@@ -25,7 +25,7 @@ from robovast_operator.pods.waiting import (
     waiting_of,
     worker_of,
 )
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 LOOK_SECONDS = 30.0
 """Time between two readings of a waiting Job [s]: each may cost a write of the status."""
@@ -42,7 +42,7 @@ VERSIONS = ("v1beta2", "v1beta1")
 class Queues:
     """Asks Kueue about the Jobs of campaigns."""
 
-    def __init__(self, api: Api, store: Store, settings: Settings) -> None:
+    def __init__(self, api: Api, store: Store, settings: OperatorSettings) -> None:
         self._api = api
         self._store = store
         self._settings = settings

@@ -20,7 +20,7 @@ from robovast_operator.kube import paths
 from robovast_operator.kube.announce import announce
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.conditions import Found, dated, is_true
-from robovast_operator.kube.events import Message, messages
+from robovast_operator.kube.events import EventContent, messages
 from robovast_operator.kube.few_at_once import few_at_once
 from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import Store
@@ -37,7 +37,7 @@ from robovast_operator.planning.configurations import (
     waiting_status,
 )
 from robovast_operator.pods.findings import Trouble
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 from robovast_operator.status.conditions import (
     composing_conditions,
     failing_conditions,
@@ -58,7 +58,7 @@ class Statuses:
         api: Api,
         store: Store,
         queue: WorkQueue,
-        settings: Settings,
+        settings: OperatorSettings,
         notifier: Notifier,
         jobs: Jobs,
         put_off: Callable[[], None],
@@ -140,11 +140,11 @@ class Statuses:
 
     async def report(self, identity: Identity, trouble: Trouble, generation: int) -> None:
         """Report what is wrong by an Event, once for each cause and generation."""
-        message = Message("Warning", trouble.reason, trouble.message, str(generation))
+        message = EventContent("Warning", trouble.reason, trouble.message, str(generation))
         await announce(self._api, identity, message)
 
     async def write(
-        self, obj: Object, status: CampaignStatus, events: Sequence[Message] = ()
+        self, obj: Object, status: CampaignStatus, events: Sequence[EventContent] = ()
     ) -> bool:
         """Write a changed status, and create the Events of the change.
 

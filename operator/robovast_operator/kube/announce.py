@@ -6,7 +6,7 @@ import logging
 
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
-from robovast_operator.kube.events import Message, event
+from robovast_operator.kube.events import EventContent, event
 from robovast_operator.kube.objects import Identity
 from robovast_operator.kube.times import format_time, now
 
@@ -18,7 +18,7 @@ def is_refusal(error: ApiError) -> bool:
     return 400 <= error.code < 500 and not error.terminating
 
 
-async def announce(api: Api, identity: Identity, message: Message) -> None:
+async def announce(api: Api, identity: Identity, message: EventContent) -> None:
     """Create an Event about a Campaign; of two about the same thing, the first stays.
 
     Raises:

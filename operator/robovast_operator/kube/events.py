@@ -28,7 +28,7 @@ _ANNOUNCED = {
 
 
 @dataclass(frozen=True)
-class Message:
+class EventContent:
     """The content of an Event."""
 
     kind: str
@@ -39,7 +39,7 @@ class Message:
     """The subject: there is one Event for each reason and subject."""
 
 
-def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Message]:
+def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[EventContent]:
     """Generate the messages about changes from one status to the next."""
     before = {c.type: (c.status, c.reason, c.last_transition_time) for c in old}
     conditions = list(new)
@@ -53,14 +53,14 @@ def messages(old: Iterable[Condition], new: Iterable[Condition]) -> Iterator[Mes
             continue  # another condition has the same message
         announced.add((condition.reason, condition.message))
         change = " ".join((condition.type, condition.status, *was))
-        yield Message(kind, condition.reason, condition.message or _default(condition), change)
+        yield EventContent(kind, condition.reason, condition.message or _default(condition), change)
 
 
 def _default(condition: Condition) -> str:
     return f"The condition {condition.type} is {condition.status}."
 
 
-def event(identity: Identity, message: Message, now: str) -> Object:
+def event(identity: Identity, message: EventContent, now: str) -> Object:
     """Return the Event object of a message about a Campaign."""
     text = f"{identity.uid}{message.reason}{message.about}"
     mark = hashlib.sha256(text.encode()).hexdigest()[:12]

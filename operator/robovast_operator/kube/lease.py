@@ -27,7 +27,7 @@ from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import LARGEST, mapping, number, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import now
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 LOGGER = logging.getLogger(__name__)
 
@@ -83,7 +83,7 @@ ATTEMPTS = 15
 class Leadership:
     """Holds the Lease as long as possible; `leading` shows whether it does."""
 
-    def __init__(self, api: Api, settings: Settings) -> None:
+    def __init__(self, api: Api, settings: OperatorSettings) -> None:
         self._api = api
         self._settings = settings
         self._until = -inf

@@ -14,7 +14,7 @@ from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.lenient import metadata
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import Id, id_of
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 LOGGER = logging.getLogger(__name__)
 
@@ -26,7 +26,7 @@ RETRY_SECONDS = 2.0
 
 
 @dataclass(frozen=True)
-class Kind:
+class WatchedKind:
     """A watched kind of objects."""
 
     name: str
@@ -45,7 +45,9 @@ class Kind:
 class Resync:
     """Compares all kinds periodically, and soon after a watch had to start with a list."""
 
-    def __init__(self, api: Api, settings: Settings, kinds: tuple[Kind, ...]) -> None:
+    def __init__(
+        self, api: Api, settings: OperatorSettings, kinds: tuple[WatchedKind, ...]
+    ) -> None:
         self._api = api
         self._settings = settings
         self._kinds = kinds
@@ -93,7 +95,7 @@ class Resync:
         if self._misses > 1:  # once may be chance: the list was newer than the stream
             self.dead_watch = f"the watch of {missed[0]} is dead"
 
-    async def _compare(self, kind: Kind) -> bool:
+    async def _compare(self, kind: WatchedKind) -> bool:
         """Compare one kind; return whether the watch of the kind has missed a change."""
         before = dict(kind.stored())
         there: set[Id] = set()
@@ -113,7 +115,7 @@ class Resync:
             LOGGER.info("%d %s were deleted without an event of a watch", len(gone), kind.name)
         return new
 
-    def _learn(self, kind: Kind, obj: Object) -> bool:
+    def _learn(self, kind: WatchedKind, obj: Object) -> bool:
         """Load an object; return whether loading worked: one bad object must not affect others."""
         try:
             kind.learn(obj)

@@ -33,12 +33,12 @@ from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.sentences import sentence, with_remedy
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.planning.configurations import spec_message
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 FIX_DOCUMENT = "Fix the .vast file and apply the Campaign again."
 
 
-def metadata_refusal(scheduling: Scheduling, settings: Settings) -> str:
+def metadata_refusal(scheduling: Scheduling, settings: OperatorSettings) -> str:
     """Return the refusal of pod annotations and labels that are not allowed; empty without any."""
     for place, value, keys, allowed in (
         ("podAnnotations", "annotations", scheduling.pod_annotations, settings.pod_annotations),
@@ -54,7 +54,7 @@ def metadata_refusal(scheduling: Scheduling, settings: Settings) -> str:
     return ""
 
 
-def accept(obj: Object, files: Files | None, settings: Settings) -> Accepted | Rejected:
+def accept(obj: Object, files: Files | None, settings: OperatorSettings) -> Accepted | Rejected:
     """Check a Campaign as far as possible without running code of the user.
 
     Args:
@@ -142,7 +142,7 @@ def _checked(
     spec: CampaignSpec,
     text: str,
     files: Files,
-    settings: Settings,
+    settings: OperatorSettings,
 ) -> Accepted | Rejected:
     """Check a document with available files, as the command line does."""
     check_paths(files)
@@ -192,7 +192,7 @@ def _planned(accepted: Accepted) -> Accepted | Rejected:
 
 
 def _accepted(
-    identity: Identity, spec: CampaignSpec, vast: Vast, text: str, settings: Settings
+    identity: Identity, spec: CampaignSpec, vast: Vast, text: str, settings: OperatorSettings
 ) -> Accepted | Rejected:
     """Check what needs no files: limits, image, resources."""
     image = spec.image or vast.execution.image

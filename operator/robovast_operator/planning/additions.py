@@ -21,7 +21,7 @@ from robovast_operator.planning.configurations import (
     reference,
 )
 from robovast_operator.planning.revisions import Addition, Planned
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,9 @@ def with_additions(
     return Additions(tuple(found), problems, unknown)
 
 
-def expand_alone(obj: Object, item: Object, files: Files | None, settings: Settings) -> Entry | str:
+def expand_alone(
+    obj: Object, item: Object, files: Files | None, settings: OperatorSettings
+) -> Entry | str:
     """Expand a Configuration as the only entry of the document; return an error as text.
 
     So each is expanded once, even if others come and go.

@@ -18,7 +18,7 @@ from robovast_operator.planning.campaign import Revision
 
 
 @dataclass(frozen=True)
-class Rounds:
+class PlanningRounds:
     """When the next round is planned; where packs are not measured, all runs are in packs."""
 
     identity: Identity

@@ -29,7 +29,7 @@ from robovast_operator.kube.store import (
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.planning.shards import ShardPlan
 from robovast_operator.pods.templates import inline_items, notify_pod, run_pod, task_pod
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 RETRIES_PER_INDEX = 6
 """Number of times that a pack that loses its pod continues after its last stored run."""
@@ -52,7 +52,7 @@ _RUN_IS_MEANT = {"kubectl.kubernetes.io/default-container": RUN}
 """`kubectl logs` and `exec` without a container's name."""
 
 
-def shard_job(accepted: Accepted, settings: Settings, shard: ShardPlan) -> Object:
+def shard_job(accepted: Accepted, settings: OperatorSettings, shard: ShardPlan) -> Object:
     """Return the Indexed Job of a shard: a completion index for each pack."""
     request = PackRequest(shard.first_pack, attempt=shard.attempt, repeat=shard.repeat or None)
     job = _job(accepted.identity, shard.job, SHARD_ROLE, {SHARD_LABEL: str(shard.index)})
@@ -95,7 +95,7 @@ def _with_metadata(job: Object, scheduling: Scheduling) -> Object:
 
 def task_job(
     accepted: Accepted,
-    settings: Settings,
+    settings: OperatorSettings,
     command: str,
     name: str,
     plan: str,
@@ -117,7 +117,7 @@ def task_job(
 
 
 def notify_job(
-    identity: Identity, settings: Settings, scheduling: Scheduling, name: str, order: Order
+    identity: Identity, settings: OperatorSettings, scheduling: Scheduling, name: str, order: Order
 ) -> Object:
     """Return the Job that sends a notice: a completion index for each receiver."""
     job = _job(identity, name, NOTIFY_ROLE, {})
@@ -139,7 +139,7 @@ def notify_job(
     return _with_metadata(job, scheduling)
 
 
-def upload_job(accepted: Accepted, settings: Settings, name: str, archive: str) -> Object:
+def upload_job(accepted: Accepted, settings: OperatorSettings, name: str, archive: str) -> Object:
     """Return the Job that uploads a campaign's results.
 
     Args:

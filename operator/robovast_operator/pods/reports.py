@@ -20,7 +20,7 @@ from robovast.kubeapi.pod_contract.messages import (
     error_in,
 )
 from robovast.kubeapi.status import FAILING_LIMIT, Runs
-from robovast.model.packing import Sample
+from robovast.model.packing import PackSample
 from robovast.model.repetition import GroupSizes
 from robovast_operator.kube.lenient import ranges, time
 from robovast_operator.kube.objects import Object
@@ -75,7 +75,7 @@ def _report(pod: Object) -> Report | None:
     return Report(*counts, *listed, message.not_needed or 0, final=True, stored=has_verdict(pod))
 
 
-def sample_of(pod: Object) -> Sample | None:
+def sample_of(pod: Object) -> PackSample | None:
     """Return the times of an ended pod and of its runs; None if the message has no times."""
     message = Verdicts.read(message_of(pod, "agent"))
     began, ended = pod["status"].get("startTime"), ending_of(pod, "agent").get("finishedAt")
@@ -87,7 +87,7 @@ def sample_of(pod: Object) -> Sample | None:
     ):
         return None
     seconds = (parse_time(time(ended)) - parse_time(time(began))).total_seconds()
-    return Sample(message.executed, message.seconds, max(seconds, message.seconds))
+    return PackSample(message.executed, message.seconds, max(seconds, message.seconds))
 
 
 def final_of(pods: Iterable[Object]) -> Final | None:

@@ -44,7 +44,7 @@ from robovast.model.quantities import (
 )
 from robovast_operator.kube.objects import Object
 from robovast_operator.planning.campaign import Accepted
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 CAMPAIGN = (Mount.PLAN, Mount.FILES, Mount.CREDENTIALS)
 """What our own containers see of a campaign."""
@@ -62,7 +62,7 @@ GRACE_SECONDS = 60
 
 
 def run_pod(
-    accepted: Accepted, settings: Settings, plan: str, request: PackRequest, runs: int = 1
+    accepted: Accepted, settings: OperatorSettings, plan: str, request: PackRequest, runs: int = 1
 ) -> Object:
     """Return the pod spec of a pack of runs.
 
@@ -102,7 +102,7 @@ def run_pod(
 
 def task_pod(
     accepted: Accepted,
-    settings: Settings,
+    settings: OperatorSettings,
     plan: str,
     command: str,
     sightings: Sequence[str] = (),
@@ -142,7 +142,7 @@ def _kept(sightings: Sequence[str]) -> list[Object]:
     ]
 
 
-def notify_pod(settings: Settings, scheduling: Scheduling, order: Order) -> Object:
+def notify_pod(settings: OperatorSettings, scheduling: Scheduling, order: Order) -> Object:
     """Return the pod spec that sends a notification, without campaign data and S3 credentials."""
     allowed = settings.secret_names
     if refusal(scheduling, allowed):
@@ -182,7 +182,7 @@ def _receiver_sources(order: Order, allowed: Container[str]) -> list[Object]:
     ]
 
 
-def _pod(accepted: Accepted, settings: Settings, plan: str, nodes: Nodes) -> Object:
+def _pod(accepted: Accepted, settings: OperatorSettings, plan: str, nodes: Nodes) -> Object:
     """Build the part that all pods of a campaign share."""
     user, scheduling = accepted.vast.execution.run_as_user, accepted.spec.scheduling
     spec = confined_pod(user, GRACE_SECONDS, scheduling, nodes.node_labels, settings.architectures)
@@ -213,7 +213,7 @@ def inline_items(accepted: Accepted) -> list[Object]:
     return [{"key": f"file-{index}", "path": path} for index, path in enumerate(paths)]
 
 
-def _compat(accepted: Accepted, settings: Settings) -> Object:
+def _compat(accepted: Accepted, settings: OperatorSettings) -> Object:
     """Refuse an image of another version of the run contract before anything starts."""
     return {
         "name": "compat-version",
@@ -229,7 +229,7 @@ def _compat(accepted: Accepted, settings: Settings) -> Object:
     }
 
 
-def _secondaries(accepted: Accepted, settings: Settings) -> Iterable[Object]:
+def _secondaries(accepted: Accepted, settings: OperatorSettings) -> Iterable[Object]:
     for secondary in accepted.vast.execution.secondary_containers:
         container = _run_container(
             accepted, settings, secondary.name, [secondary.name], secondary.resources
@@ -239,7 +239,7 @@ def _secondaries(accepted: Accepted, settings: Settings) -> Iterable[Object]:
 
 def _run_container(
     accepted: Accepted,
-    settings: Settings,
+    settings: OperatorSettings,
     name: str,
     arguments: list[str],
     resources: Resources,
@@ -311,7 +311,7 @@ def _shared_memory(accepted: Accepted) -> list[Object]:
     return [{"name": "shm", "emptyDir": {"medium": "Memory", "sizeLimit": str(size)}}]
 
 
-def _work(settings: Settings) -> Object:
+def _work(settings: OperatorSettings) -> Object:
     """Return the work volume of a run pod; only a pod that exceeds the limit is evicted."""
     limit = {"sizeLimit": settings.work_limit} if settings.work_limit else {}
     return _volume(Mount.WORK, emptyDir=limit)
@@ -322,7 +322,7 @@ def _volume(mount: Mount, **source: Object) -> Object:
 
 
 def _own(
-    settings: Settings,
+    settings: OperatorSettings,
     name: str,
     arguments: Sequence[str],
     mounts: Iterable[Mount],
@@ -341,7 +341,7 @@ def _own(
     return own_container(settings.agent_image, name, arguments, mounts, resources, variables)
 
 
-def _agent(accepted: Accepted, settings: Settings, request: PackRequest) -> Object:
+def _agent(accepted: Accepted, settings: OperatorSettings, request: PackRequest) -> Object:
     """Return the container that prepares and stores the runs.
 
     It is not started until they are prepared, and not ready while a run is silent.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 
 from robovast.kubeapi.status import Estimate, Runs
-from robovast.model.estimate import Progress, cores_of, remaining
+from robovast.model.estimate import CampaignProgress, cores_of, remaining
 from robovast_operator.kube.times import format_time, parse_time
 from robovast_operator.snapshot import Snapshot
 
@@ -44,7 +44,7 @@ def estimate_of(snapshot: Snapshot, runs: Runs) -> Estimate | None:
     )
 
 
-def _progress(snapshot: Snapshot, done: int, left: int, seconds: float) -> Progress:
+def _progress(snapshot: Snapshot, done: int, left: int, seconds: float) -> CampaignProgress:
     """Return the progress of a campaign with its current number of pods."""
     plan, parallelism = snapshot.plan, snapshot.accepted.spec.parallelism
     rounds, pace = plan.rounds, snapshot.pods.pace
@@ -54,9 +54,9 @@ def _progress(snapshot: Snapshot, done: int, left: int, seconds: float) -> Progr
     few = begun < left  # else pods are few because packs are
     workers = max(1, min(active, parallelism)) if few else parallelism
     if not rounds or pace is None:
-        return Progress(done, left, begun, workers, seconds, max(1.0, size))
+        return CampaignProgress(done, left, begun, workers, seconds, max(1.0, size))
     starts = min(pace.start * plan.packs / workers, seconds - pace.run * done / workers)
-    return Progress(done, left, begun, workers, seconds, starts=max(0.0, starts))
+    return CampaignProgress(done, left, begun, workers, seconds, starts=max(0.0, starts))
 
 
 def _after(snapshot: Snapshot, seconds: float) -> str:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from robovast.kubeapi.status import CampaignStatus
-from robovast_operator.kube.events import Message
+from robovast_operator.kube.events import EventContent
 from robovast_operator.pods.findings import MISHAPS
 from robovast_operator.snapshot import Snapshot
 
 
-def progress_events(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+def progress_events(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
     """Generate Events for the change of a campaign's status to a new one."""
     yield from _planned(snapshot, new)
     yield from _jobs(snapshot, new)
@@ -22,7 +22,7 @@ def progress_events(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message
     yield from _mishaps(snapshot, new)
 
 
-def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
     """Generate the Event of the first runs, and of runs that a change of the Campaign adds."""
     old, total = snapshot.status, new.runs.total
     asked = not old.runs.total or old.observed_generation != new.observed_generation
@@ -33,10 +33,10 @@ def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
         f"The campaign has {_count(total, 'run')} in {_count(packs, 'job')}, and uses at most "
         f"{_count(most, 'pod')} concurrently."
     )
-    yield Message("Normal", "Planned", message, str(total))
+    yield EventContent("Normal", "Planned", message, str(total))
 
 
-def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
     """Generate the first Job, the tenth, the hundredth, and so on."""
     before, now = _made(snapshot.status), _made(new)
     if now <= before or _step(before) == _step(now):
@@ -44,34 +44,34 @@ def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
     job = new.shards[-1].job if new.shards else ""
     number = f" The campaign has {now} Jobs." if now > 1 else ""
     message = f"The operator created the Job {job}.{number}"
-    yield Message("Normal", "JobCreated", message, f"{new.attempt} {_step(now)}")
+    yield EventContent("Normal", "JobCreated", message, f"{new.attempt} {_step(now)}")
 
 
 def _made(status: CampaignStatus) -> int:
     return status.settled.shards + len(status.shards)
 
 
-def _repeated(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+def _repeated(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
     """Generate another attempt."""
     if new.bad is not None and new.attempt > snapshot.status.attempt:
         message = f"Attempt {new.attempt} repeats {_count(new.bad.runs, 'unsuccessful run')}."
-        yield Message("Normal", "RetryStarted", message, str(new.attempt))
+        yield EventContent("Normal", "RetryStarted", message, str(new.attempt))
 
 
-def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[Message]:
+def _mishaps(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
     """Generate Events of the first mishaps, then of the tenth, the hundredth, and so on."""
     before, now = _bad(snapshot.status), _bad(new)
     # A Job counts its unsuccessful runs before the operator reads the reports of their pods.
     if _is_among_first(before, now) or _is_among_first(_reported(snapshot.status), _reported(new)):
         for one in snapshot.pods.mishaps:
-            yield Message("Warning", one.reason, one.message, f"{new.attempt} {one.about}")
+            yield EventContent("Warning", one.reason, one.message, f"{new.attempt} {one.about}")
     if _step(before) < _step(now) and now >= 10:
         runs = new.runs
         message = (
             f"{runs.failed} runs failed and {runs.errored} runs errored, of {runs.decided} "
             "finished runs. List the unsuccessful runs with `vast exec cluster runs --failed`."
         )
-        yield Message("Warning", "RunsUnsuccessful", message, f"{new.attempt} {_step(now)}")
+        yield EventContent("Warning", "RunsUnsuccessful", message, f"{new.attempt} {_step(now)}")
 
 
 def _bad(status: CampaignStatus) -> int:

@@ -18,7 +18,7 @@ from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
 from robovast.agent.preparation import prepare_apart
-from robovast.agent.results import SNAPSHOT_INTERVAL, Results
+from robovast.agent.results import SNAPSHOT_INTERVAL, PodResults
 from robovast.agent.silence import SILENT, Silence
 from robovast.agent.untrusted_files import SIDE_BY_SIDE
 from robovast.base.errors import StorageError
@@ -77,7 +77,7 @@ def _follow(folders: Folders, container: RunContainer, silence: float, stop: Eve
                     endpoint, credentials, patience=0, connections=1, stopped=background.is_busy
                 )
                 bucket = Bucket(store, pack.bucket, pack.owner)
-                results = Results(bucket, pack, os.environ.get("POD_NAME", ""), yielding)
+                results = PodResults(bucket, pack, os.environ.get("POD_NAME", ""), yielding)
                 keeper = _Keeper(folders, results, background, verdicts, bad, took)
                 watched = Silence(folders.work / SILENT, silence)
                 _follow_jobs(folders, pack, container, keeper, stop, watched)
@@ -130,7 +130,7 @@ class _Keeper:
     def __init__(
         self,
         folders: Folders,
-        results: Results,
+        results: PodResults,
         background: Background,
         verdicts: dict[int, Verdict],
         bad: list[RunRecord],

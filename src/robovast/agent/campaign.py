@@ -11,7 +11,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.composed import Composed
+from robovast.agent.composed import ComposedVariants
 from robovast.agent.digests import check_files
 from robovast.agent.mounts import Folders
 from robovast.agent.sources import copy_inputs
@@ -35,7 +35,7 @@ from robovast.storage.s3 import ObjectStore
 
 
 @dataclass(frozen=True)
-class Campaign:
+class PodCampaign:
     """A campaign as a pod sees it."""
 
     plan: CampaignPlan
@@ -59,7 +59,7 @@ class Campaign:
         return Bucket(self.store, self.plan.bucket, self.plan.owner)
 
 
-def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:
+def open_campaign(folders: Folders, *, connections: int = 8) -> PodCampaign:
     """The campaign whose plan is mounted.
 
     Args:
@@ -74,7 +74,7 @@ def open_campaign(folders: Folders, *, connections: int = 8) -> Campaign:
     credentials = Credentials.from_folder(folders.credentials)
     address = passed_address()
     store = ObjectStore(address, credentials, connections=connections, patience=REPEATABLE)
-    return Campaign(plan, folders, store)
+    return PodCampaign(plan, folders, store)
 
 
 def read_plan(path: Path) -> CampaignPlan:
@@ -111,7 +111,7 @@ def bad_runs(store: ObjectStore, bucket: str, name: str) -> list[Span]:
     return parse_list(name, content)
 
 
-def load_inputs(campaign: Campaign) -> Document:
+def load_inputs(campaign: PodCampaign) -> Document:
     """Load the document with its files into the pod.
 
     Raises:
@@ -164,7 +164,7 @@ def _check_expansion(plan: CampaignPlan, variants: Sequence[Variant]) -> None:
             )
 
 
-def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
+def open_composed(campaign: PodCampaign) -> tuple[Document, Sequence[Variant]]:
     """Read document and variants as the compose Job stored them in the bucket.
 
     Files of the variants are not there yet: `fetch_variant_files` brings those of one.
@@ -179,12 +179,14 @@ def open_composed(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
     if campaign.plan.composed is None:
         raise InputError(f"the plan of {campaign.plan.campaign} names no list of variants.")
     growing = campaign.plan.expansion == "proposed"
-    composed = Composed(campaign.bucket, layout, campaign.plan.composed, growing=growing)
+    composed = ComposedVariants(campaign.bucket, layout, campaign.plan.composed, growing=growing)
     check_files(composed.inputs, layout.config)
     return load_document(layout.config / composed.document, search=False), composed
 
 
-def fetch_variant_files(campaign: Campaign, variants: Sequence[Variant], variant: Variant) -> None:
+def fetch_variant_files(
+    campaign: PodCampaign, variants: Sequence[Variant], variant: Variant
+) -> None:
     """Download the files of a composed variant.
 
     Raises:
@@ -193,11 +195,11 @@ def fetch_variant_files(campaign: Campaign, variants: Sequence[Variant], variant
     """
     if variant.files:
         download(campaign, f"{variant.name}/{CONFIG}/", campaign.folders.inputs)
-    if isinstance(variants, Composed):
+    if isinstance(variants, ComposedVariants):
         check_files(variants.files[variant.name], campaign.folders.inputs)
 
 
-def download(campaign: Campaign, prefix: str, folder: Path) -> None:
+def download(campaign: PodCampaign, prefix: str, folder: Path) -> None:
     """Download all objects of the campaign below a prefix."""
     for item in campaign.store.objects(campaign.plan.bucket, prefix):
         target = Path(os.path.normpath(folder / item.key))

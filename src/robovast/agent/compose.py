@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign
+from robovast.agent.campaign import PodCampaign, expand, load_inputs, open_campaign
 from robovast.agent.composed import store_composed
 from robovast.agent.digests import file_digest
 from robovast.agent.mounts import Folders
@@ -65,7 +65,7 @@ def files_below(folder: Path) -> dict[str, str]:
 
 
 def store_inputs(
-    campaign: Campaign,
+    campaign: PodCampaign,
     document: Document,
     composition: Composition,
     earlier: Sequence[Variant] = (),

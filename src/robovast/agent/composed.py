@@ -57,7 +57,7 @@ def store_grown(
     bucket: Bucket,
     document: str,
     inputs: Mapping[str, str],
-    before: Composed | None,
+    before: ComposedVariants | None,
     variants: Sequence[Variant],
 ) -> str:
     """Store further variants of a search, and the list of all of them; returns its digest.
@@ -97,7 +97,7 @@ def _item(variant: Variant) -> dict[str, Any]:
     }
 
 
-class Composed(Sequence[Variant]):
+class ComposedVariants(Sequence[Variant]):
     """The variants of a composed campaign, each read when it is needed.
 
     Args:

@@ -13,10 +13,10 @@ from itertools import islice
 from typing import Any
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.campaign import Campaign, expand, load_inputs, open_campaign, open_composed
+from robovast.agent.campaign import PodCampaign, expand, load_inputs, open_campaign, open_composed
 from robovast.agent.check import check_runs
 from robovast.agent.compose import store_inputs
-from robovast.agent.composed import Composed
+from robovast.agent.composed import ComposedVariants
 from robovast.agent.mounts import Folders
 from robovast.agent.sightings import completed, read_sightings
 from robovast.agent.untrusted_files import SIDE_BY_SIDE, store_own_tree
@@ -82,7 +82,7 @@ def finish(folders: Folders) -> AgentExit:
 
 
 def _decisions(
-    campaign: Campaign,
+    campaign: PodCampaign,
     document: Document,
     runs: Iterable[Run],
     records: Mapping[int, RunRecord | None],
@@ -110,17 +110,17 @@ def _is_over(decisions: Mapping[str, Decision], run: Run) -> bool:
     return decision is not None and decision.is_over
 
 
-def _complete_inputs(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
+def _complete_inputs(campaign: PodCampaign) -> tuple[Document, Sequence[Variant]]:
     if campaign.plan.expansion != "pure":
         document, variants = open_composed(campaign)
-        return document, variants.outlines() if isinstance(variants, Composed) else variants
+        return document, variants.outlines() if isinstance(variants, ComposedVariants) else variants
     document = load_inputs(campaign)
     composition = expand(campaign.plan, document, campaign.folders.scratch, print)
     store_inputs(campaign, document, composition)
     return document, composition.variants
 
 
-def _runs(campaign: Campaign, variants: Sequence[Variant]) -> list[Run]:
+def _runs(campaign: PodCampaign, variants: Sequence[Variant]) -> list[Run]:
     return plan_runs(campaign.packs, variants, campaign.plan.seed)
 
 
@@ -144,7 +144,7 @@ def _entry(
 
 
 def _store_execution(
-    campaign: Campaign,
+    campaign: PodCampaign,
     document: Document,
     bucket: Bucket,
     index: Iterable[Mapping[str, Any]],
@@ -192,7 +192,7 @@ def _write_runs(layout: Layout, records: Sequence[RunRecord]) -> None:
 
 
 def _store_bad_runs(
-    campaign: Campaign, bucket: Bucket, index: Iterable[Mapping[str, Any]]
+    campaign: PodCampaign, bucket: Bucket, index: Iterable[Mapping[str, Any]]
 ) -> Repeat | None:
     """Store the ids of all bad runs; returns the list's name and the sizes of a retry's groups.
 

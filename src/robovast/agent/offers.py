@@ -22,7 +22,7 @@ LARGEST = 1 << 14
 """Largest offer [byte]."""
 
 
-class Offer(BaseModel):
+class StorageOffer(BaseModel):
     """Where a run is stored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, defer_build=True)
@@ -53,14 +53,14 @@ def make_offer(store: ObjectStore, bucket: str, record: RunRecord) -> None:
     """
     if not is_result(record):
         return
-    place = Offer(bucket=bucket, run=f"{record.variant}/{record.run}")
+    place = StorageOffer(bucket=bucket, run=f"{record.variant}/{record.run}")
     try:
         store.put_bytes(REUSE_BUCKET, record.key, place.model_dump_json().encode())
     except StorageError as error:
         print(printable(f"{place.run} is not offered to others: {error}"))  # noqa: T201
 
 
-def find_offer(store: ObjectStore, key: str) -> Offer | None:
+def find_offer(store: ObjectStore, key: str) -> StorageOffer | None:
     """Where a run with a key is stored; None if nobody has offered one.
 
     Raises:
@@ -69,6 +69,6 @@ def find_offer(store: ObjectStore, key: str) -> Offer | None:
     """
     content = store.read(REUSE_BUCKET, key, LARGEST)
     try:
-        return None if content is None else Offer.model_validate_json(content)
+        return None if content is None else StorageOffer.model_validate_json(content)
     except ValidationError as error:
         raise ObjectError(f"{REUSE_BUCKET}/{key} is damaged: {error}") from None

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from robovast.agent.campaign import (
-    Campaign,
+    PodCampaign,
     bad_runs,
     expand,
     fetch_variant_files,
@@ -25,7 +25,7 @@ from robovast.agent.container_control import RunContainer
 from robovast.agent.job_files import prepare_output, write_environment, write_parameters
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import Deciding, Pack
-from robovast.agent.results import Results
+from robovast.agent.results import PodResults
 from robovast.agent.scripts import FOLDER, START
 from robovast.base.errors import InputError
 from robovast.execution.contract import contract_files
@@ -89,7 +89,7 @@ def prepare(folders: Folders, request: PackRequest) -> AgentExit:
     return AgentExit.PASSED
 
 
-def _chosen(campaign: Campaign, request: PackRequest) -> tuple[int, Sequence[int]]:
+def _chosen(campaign: PodCampaign, request: PackRequest) -> tuple[int, Sequence[int]]:
     """Number of the pod's pack, and the ids of its runs."""
     bad = partial(bad_runs, campaign.store, campaign.plan.bucket)
     try:
@@ -100,14 +100,14 @@ def _chosen(campaign: Campaign, request: PackRequest) -> tuple[int, Sequence[int
         ) from error
 
 
-def _variants(campaign: Campaign) -> tuple[Document, Sequence[Variant]]:
+def _variants(campaign: PodCampaign) -> tuple[Document, Sequence[Variant]]:
     if campaign.plan.expansion != "pure":
         return open_composed(campaign)
     document = load_inputs(campaign)
     return document, expand(campaign.plan, document, campaign.folders.scratch, print).variants
 
 
-def _run(campaign: Campaign, variants: Sequence[Variant], id_: int) -> Run:
+def _run(campaign: PodCampaign, variants: Sequence[Variant], id_: int) -> Run:
     index, _ = campaign.packs.run(id_)
     if index >= len(variants):
         raise PlanError(
@@ -118,7 +118,11 @@ def _run(campaign: Campaign, variants: Sequence[Variant], id_: int) -> Run:
 
 
 def _pack(
-    campaign: Campaign, document: Document, request: PackRequest, number: int, runs: Sequence[Run]
+    campaign: PodCampaign,
+    document: Document,
+    request: PackRequest,
+    number: int,
+    runs: Sequence[Run],
 ) -> Pack:
     plan, execution = campaign.plan, document.vast.execution
     bucket = campaign.bucket
@@ -143,7 +147,7 @@ def _pack(
 
 
 def _deciding(
-    campaign: Campaign, document: Document, request: PackRequest, runs: Sequence[Run]
+    campaign: PodCampaign, document: Document, request: PackRequest, runs: Sequence[Run]
 ) -> Deciding | None:
     """What decides how many of these runs are needed; None if all are."""
     variant, _ = campaign.packs.run(runs[0].id)
@@ -160,7 +164,7 @@ def _deciding(
     return Deciding(test, campaign.packs.runs_per_job, others, again)
 
 
-def _claimed(campaign: Campaign, pack: Pack) -> Pack:
+def _claimed(campaign: PodCampaign, pack: Pack) -> Pack:
     """Claim the pack's first job for this pod, without a run that ends every pod.
 
     This writes into the bucket: a server that refuses is noticed before anything is executed.
@@ -169,7 +173,7 @@ def _claimed(campaign: Campaign, pack: Pack) -> Pack:
     if stuck is not None:
         folder = campaign.folders.scratch / "nothing"
         folder.mkdir(parents=True, exist_ok=True)
-        record = Results(campaign.bucket, pack, pod="").store_run(
+        record = PodResults(campaign.bucket, pack, pod="").store_run(
             dataclasses.replace(stuck, folder=folder)
         )
         pack = dataclasses.replace(pack, done={**pack.done, stuck.run.id: record.verdict})
@@ -179,7 +183,7 @@ def _claimed(campaign: Campaign, pack: Pack) -> Pack:
 
 
 def _reusing(
-    campaign: Campaign,
+    campaign: PodCampaign,
     document: Document,
     pack: Pack,
     left: Sequence[Run],
@@ -211,7 +215,7 @@ def _without_files(run: Run) -> Run:
     return dataclasses.replace(run, variant=light)
 
 
-def _environment(campaign: Campaign, document: Document, job: PackStart) -> dict[str, str]:
+def _environment(campaign: PodCampaign, document: Document, job: PackStart) -> dict[str, str]:
     plan, execution = campaign.plan, document.vast.execution
     return job_environment(
         job,
@@ -231,7 +235,7 @@ def _environment(campaign: Campaign, document: Document, job: PackStart) -> dict
     )
 
 
-def _common_files(campaign: Campaign, document: Document) -> Path:
+def _common_files(campaign: PodCampaign, document: Document) -> Path:
     """A folder of the files that all runs share."""
     common = campaign.folders.scratch / "common"
     for path in container_files(document):
@@ -241,7 +245,7 @@ def _common_files(campaign: Campaign, document: Document) -> Path:
     return common
 
 
-def _fill_config(campaign: Campaign, pack: Pack, left: Sequence[Run], common: Path) -> None:
+def _fill_config(campaign: PodCampaign, pack: Pack, left: Sequence[Run], common: Path) -> None:
     """Fill the folder of inputs.
 
     Raises:

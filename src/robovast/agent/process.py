@@ -13,7 +13,7 @@ from robovast.agent.mounts import Folders
 from robovast.agent.untrusted_files import SIDE_BY_SIDE
 from robovast.analysis.postprocessing import state
 from robovast.analysis.postprocessing.content import changed, scan
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
+from robovast.analysis.postprocessing.events import Failure, Options, PostprocessingSummary
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.base.errors import ExitCode, InputError, StorageError
 from robovast.campaign.layout import RUN_RECORD
@@ -193,6 +193,6 @@ class _Log:
         """Pass it on."""
         print(text)  # noqa: T201
 
-    def campaign_finished(self, summary: CampaignSummary) -> None:
+    def campaign_finished(self, summary: PostprocessingSummary) -> None:
         """Say how much there was to do."""
         print(f"Postprocessed {len(summary.worked)} runs.")  # noqa: T201

@@ -16,9 +16,9 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from robovast.agent.bucket import Bucket
-from robovast.agent.campaign import Campaign, download, load_inputs, open_campaign
+from robovast.agent.campaign import PodCampaign, download, load_inputs, open_campaign
 from robovast.agent.compose import files_below, store_inputs
-from robovast.agent.composed import Composed, store_grown
+from robovast.agent.composed import ComposedVariants, store_grown
 from robovast.agent.deadline import deadline
 from robovast.agent.digests import check_files
 from robovast.agent.mounts import Folders
@@ -49,7 +49,7 @@ from robovast.model.naming import CAMPAIGN_STORE, CONFIG
 from robovast.model.packs import Block, format_breaks
 from robovast.model.plan import breaks
 from robovast.search.ending import Stop
-from robovast.search.history import History
+from robovast.search.history import SearchHistory
 from robovast.search.plugins import make_extractor
 from robovast.search.processing import call_postprocessing
 from robovast.search.proposing import with_runs
@@ -87,11 +87,11 @@ def _tell_hanging(folders: Folders, where: str) -> None:
     write_error(folders.message, text, as_json=True)
 
 
-def _go_on(campaign: Campaign) -> Proposed:
+def _go_on(campaign: PodCampaign) -> Proposed:
     """Go on with a search until it needs runs, or ends."""
     document = with_runs(load_inputs(campaign), campaign.plan.runs)
     grown = _open(campaign, document)
-    history = History(grown.layout, partial(_keep, campaign.bucket, grown.layout))
+    history = SearchHistory(grown.layout, partial(_keep, campaign.bucket, grown.layout))
     grown.begin(history.blocks)
     rounds = Rounds(
         document=document,
@@ -122,14 +122,14 @@ class _Log:
 class ProposedCampaign(GrowingPlan):
     """A search's campaign in the cluster: what is executed stands in the mounted plan."""
 
-    campaign: Campaign
+    campaign: PodCampaign
     layout: Layout
     planned: Sequence[Block]
     """The blocks of the mounted plan."""
     ended: Sequence[Block]
     """Those of them whose runs have ended, as the plan says: no other run is looked at, so that
     what follows does not depend on how fast runs are."""
-    made: Composed | None
+    made: ComposedVariants | None
     """The variants of the mounted plan."""
     digest: str = ""
     """`CampaignPlan.composed` of all variants."""
@@ -187,7 +187,7 @@ class ProposedCampaign(GrowingPlan):
         download_campaign(self.campaign.store, plan.bucket, root, Silent(), below=below)
 
 
-def _open(campaign: Campaign, document: Document) -> ProposedCampaign:
+def _open(campaign: PodCampaign, document: Document) -> ProposedCampaign:
     """The campaign with its variants and its history, as far as the bucket has them.
 
     Raises:
@@ -199,7 +199,7 @@ def _open(campaign: Campaign, document: Document) -> ProposedCampaign:
     download(campaign, f"{SEARCH}/", layout.root)
     made, variants = None, []
     if plan.composed is not None:
-        made = Composed(campaign.bucket, layout, plan.composed, growing=True)
+        made = ComposedVariants(campaign.bucket, layout, plan.composed, growing=True)
         check_files(made.inputs, document.folder)
         variants = _with_timings(campaign, layout, list(made))
     write_configurations(document, Composition(()), layout.root, timings=True, earlier=variants)
@@ -217,7 +217,7 @@ def _open(campaign: Campaign, document: Document) -> ProposedCampaign:
     )
 
 
-def _with_timings(campaign: Campaign, layout: Layout, planned: list[Variant]) -> list[Variant]:
+def _with_timings(campaign: PodCampaign, layout: Layout, planned: list[Variant]) -> list[Variant]:
     """The planned variants with the times at which they were made, as far as these are stored."""
     download(campaign, CONFIGURATIONS, layout.root)
     stored = {variant.name: variant for variant in read_variants(layout)}
@@ -238,21 +238,21 @@ def _keep(bucket: Bucket, layout: Layout, path: Path, text: str) -> None:
     write_atomically(path, text)
 
 
-def _expand(campaign: Campaign, document: Document) -> Composition:
+def _expand(campaign: PodCampaign, document: Document) -> Composition:
     """The variants of a batch; their files stay, since another batch may follow."""
     campaign.folders.scratch.mkdir(parents=True, exist_ok=True)
     scratch = Path(mkdtemp(dir=campaign.folders.scratch))
     return compose(document, scratch, print, refuse_containers)
 
 
-def _elapsed(campaign: Campaign, history: History) -> float:
+def _elapsed(campaign: PodCampaign, history: SearchHistory) -> float:
     """Time since the first batch was proposed, by the clock of the S3 server."""
     bucket = campaign.bucket
     begun = bucket.store.look(bucket.name, f"{SEARCH}/batch-0000.json")
     return max(history.elapsed, time.time() - begun.modified if begun else 0.0)
 
 
-def _process(campaign: Campaign, document: Document, layout: Layout) -> None:
+def _process(campaign: PodCampaign, document: Document, layout: Layout) -> None:
     """Call the search's postprocessing, and store what it makes of runs beside them."""
     before = scan(layout.root, ())
     call_postprocessing(document, layout.root, print)
@@ -289,7 +289,7 @@ def _words(rounds: Rounds, grown: ProposedCampaign, stop: Stop | None) -> Propos
     )
 
 
-def _awaited(history: History, grown: ProposedCampaign, told: int) -> int | None:
+def _awaited(history: SearchHistory, grown: ProposedCampaign, told: int) -> int | None:
     """How many blocks must have ended before the search can go on: those of its oldest open batch.
 
     What no message has room for is asked for at once.

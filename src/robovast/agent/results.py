@@ -58,7 +58,7 @@ MISSING = "missing.json"
 """File in a job's folder that lists what could not be stored."""
 
 
-class Results:
+class PodResults:
     """Stores the results of one pod; every method may be called again after a failure.
 
     Every method raises `StorageError` when the server refuses, or is gone for too long.

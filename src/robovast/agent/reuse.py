@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TypeVar
 
 from robovast.agent.bucket import seen_record
-from robovast.agent.campaign import Campaign
+from robovast.agent.campaign import PodCampaign
 from robovast.agent.offers import find_offer, is_result
 from robovast.agent.pack import KeyParts, Pack, PodStart
-from robovast.agent.results import Results
+from robovast.agent.results import PodResults
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
 from robovast.base.errors import RefusedError, StorageError
@@ -40,7 +40,7 @@ _DEPENDS_ON = {"timeout", "run_as_user", "resources", "secondary_containers", "k
 
 
 def key_parts(
-    campaign: Campaign,
+    campaign: PodCampaign,
     document: Document,
     scenario: Scenario,
     runs: Sequence[Run],
@@ -79,7 +79,7 @@ class _Found:
     """What it wrote, by path in its folder."""
 
 
-def take_over(campaign: Campaign, pack: Pack, job: PodStart) -> dict[int, Verdict]:
+def take_over(campaign: PodCampaign, pack: Pack, job: PodStart) -> dict[int, Verdict]:
     """Store the runs of a job as another campaign has stored them; none if one is not there.
 
     A process executes the runs of a job one after the other, so that they belong together. They
@@ -99,7 +99,7 @@ def take_over(campaign: Campaign, pack: Pack, job: PodStart) -> dict[int, Verdic
         if one is None:
             return {}
         found.append(one)
-    results = Results(campaign.bucket, pack, pod="")
+    results = PodResults(campaign.bucket, pack, pod="")
     stage = campaign.folders.scratch / "reused"
     verdicts: dict[int, Verdict] = {}
     try:

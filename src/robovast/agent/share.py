@@ -27,7 +27,7 @@ PAUSE = 5.0
 
 
 @dataclass(frozen=True)
-class Request:
+class ShareRequest:
     """Results that are stored."""
 
     campaign: str
@@ -38,7 +38,7 @@ class Request:
     """Of the Campaign that the bucket must be of."""
 
 
-def share(folders: Folders, request: Request) -> AgentExit:
+def share(folders: Folders, request: ShareRequest) -> AgentExit:
     """Upload a campaign as `<campaign>.tar.gz`, replacing one on the share.
 
     Access to the share is checked before anything is packed.
@@ -53,7 +53,7 @@ def share(folders: Folders, request: Request) -> AgentExit:
         opened.verify()
         print(f"The share `{opened.provider.SHARE_TYPE}` can be used.")  # noqa: T201
         _pack(folders, request, archive)
-        opened.put(archive, Progress("uploaded"))
+        opened.put(archive, UploadProgress("uploaded"))
     size = archive.stat().st_size
     archive.unlink()
     print(f"{archive.name} is on the share ({fmt_size(size)}).")  # noqa: T201
@@ -98,12 +98,12 @@ def _text(path: Path) -> str:
     )
 
 
-def _pack(folders: Folders, request: Request, archive: Path) -> None:
+def _pack(folders: Folders, request: ShareRequest, archive: Path) -> None:
     credentials = Credentials.from_folder(folders.credentials)
     store = ObjectStore(request.endpoint, credentials, patience=REPEATABLE)
     if request.uid is not None:
         is_owned(store, request.bucket, request.uid)
-    progress = Progress("packed")
+    progress = UploadProgress("packed")
     for warning in pack_bucket(store, request.bucket, request.campaign, archive, progress):
         print(warning)  # noqa: T201
 
@@ -119,7 +119,7 @@ def _final_refusals() -> Iterator[None]:
         raise InputError(str(error)) from error
 
 
-class Progress:
+class UploadProgress:
     """A progress callback that writes to the pod's log.
 
     Args:

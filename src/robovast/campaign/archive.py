@@ -163,7 +163,7 @@ def _copy(archive: Path, member: Member, folder: Path, links: Mapping[Path, str]
 def _entry_type(room: _Room) -> type[tarfile.TarInfo]:
     """Tar entries whose metadata is limited, and takes its part of the space."""
 
-    class Entry(tarfile.TarInfo):
+    class ArchiveEntry(tarfile.TarInfo):
         shared = 0
         """Size of the metadata of all entries together, which `tarfile` copies to each [byte]."""
 
@@ -172,13 +172,13 @@ def _entry_type(room: _Room) -> type[tarfile.TarInfo]:
             """Read a header; see `tarfile.TarInfo`."""
             entry = super().frombuf(buf, encoding, errors)
             header = entry.size if entry.type in _HEADERS else 0
-            Entry.shared += header if entry.type == tarfile.XGLTYPE else 0
-            if entry.size < 0 or max(header, Entry.shared) > _LONGEST_HEADER:
+            ArchiveEntry.shared += header if entry.type == tarfile.XGLTYPE else 0
+            if entry.size < 0 or max(header, ArchiveEntry.shared) > _LONGEST_HEADER:
                 raise tarfile.ReadError(f"a header of {entry.size} bytes")
             room.take(header)
             return entry
 
-    return Entry
+    return ArchiveEntry
 
 
 class _Room:

@@ -33,7 +33,7 @@ _ESCAPES = re.compile(
 time would grow with the square of its length."""
 
 
-class Message(NamedTuple):
+class LogMessage(NamedTuple):
     """What one line says."""
 
     text: str
@@ -57,7 +57,7 @@ def without_escapes(text: str) -> str:
     return text if text.isprintable() else _ESCAPES.sub("", text)
 
 
-def parse_line(line: str) -> Message:
+def parse_line(line: str) -> LogMessage:
     """Separate a line's text from its prefixes."""
     text = without_escapes(line)
     levels: list[str] = []
@@ -77,7 +77,7 @@ def parse_line(line: str) -> Message:
         levels.append(_level(next(filter(None, found.groups()))))
         at_start = _AT_START.match(begin)
         text = text[at_start.end() :] if at_start else text
-    return Message(text.strip(), levels, source, stamp)
+    return LogMessage(text.strip(), levels, source, stamp)
 
 
 def _level(word: str) -> str:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from robovast.base.errors import RobovastError
 from robovast.base.plugins import load_plugin, plugins_of, raised
 from robovast.campaign.job_log import OWN, RUN, own_part
-from robovast.campaign.log_lines import BAD, Message, parse_line, without_escapes
+from robovast.campaign.log_lines import BAD, LogMessage, parse_line, without_escapes
 
 RULES = "robovast.failure_reasons"
 """Entry points: functions that find the error in the lines of a run's output."""
@@ -166,7 +166,7 @@ def _ruled(name: str, lines: Sequence[str]) -> str | None:
     return None if told is None else str(told)
 
 
-def _messages(lines: Sequence[str]) -> Iterator[tuple[Message, bool]]:
+def _messages(lines: Sequence[str]) -> Iterator[tuple[LogMessage, bool]]:
     """What the run itself said until its result, and whether it is an exception's line."""
     in_traceback = False
     for line in lines:
@@ -185,10 +185,10 @@ def _messages(lines: Sequence[str]) -> Iterator[tuple[Message, bool]]:
 
 
 def _without_dumps(
-    messages: Iterable[tuple[Message, bool]],
-) -> Iterator[tuple[Message, bool]]:
+    messages: Iterable[tuple[LogMessage, bool]],
+) -> Iterator[tuple[LogMessage, bool]]:
     """A crash that Python reports itself becomes one exception: what it was, and where."""
-    crash: Message | None = None
+    crash: LogMessage | None = None
     is_current = False
     for said, is_exception in messages:
         if found := _FATAL.match(said.text):
@@ -220,13 +220,13 @@ def says_error(line: str) -> bool:
     return is_exception or _is_error(said)
 
 
-def _own_level(said: Message) -> str:
+def _own_level(said: LogMessage) -> str:
     """The level that a message has by itself, not by the executor that passed it."""
     own = said.levels[1:] if said.source == _EXECUTOR else said.levels
     return own[-1] if own else ""
 
 
-def _is_error(said: Message) -> bool:
+def _is_error(said: LogMessage) -> bool:
     return _own_level(said) in BAD or _ERROR.match(said.text) is not None
 
 

@@ -32,7 +32,7 @@ _LARGEST = sys.float_info.max / 2
 
 
 @dataclass(frozen=True)
-class Axis:
+class VariationAxis:
     """The values of a variation."""
 
     labels: tuple[str, ...]
@@ -69,7 +69,7 @@ class EntryCoverage:
     """What was run of one entry."""
 
     entry: ConfigurationEntry
-    axes: Sequence[Axis]
+    axes: Sequence[VariationAxis]
     counts: Mapping[Row, tuple[int, int]] = field(default_factory=dict)
     """Runs with a verdict, and how many of them did not pass, by combination."""
 
@@ -192,21 +192,21 @@ class _Varied:
 
 def _axis(
     varied: _Varied, own: Sequence[tuple[list[int], VariantRuns]], buckets: int | None
-) -> Axis:
+) -> VariationAxis:
     call = varied.call
     size = levels(call.name, call.parameters, varied.document.folder)
     if size is None:
         return _drawn(varied, own, buckets)
     name, values = call.parameters.get("name"), call.parameters.get("values")
     if call.name != "ParameterVariationList" or not isinstance(values, list):
-        return Axis(tuple(f"{call.name} {number}" for number in range(1, size + 1)))
+        return VariationAxis(tuple(f"{call.name} {number}" for number in range(1, size + 1)))
     names = ", ".join(name) if isinstance(name, list) else str(name)
-    return Axis(tuple(f"{names}={value}" for value in values))
+    return VariationAxis(tuple(f"{names}={value}" for value in values))
 
 
 def _drawn(
     varied: _Varied, own: Sequence[tuple[list[int], VariantRuns]], buckets: int | None
-) -> Axis:
+) -> VariationAxis:
     name = varied.call.parameters.get("name")
     if buckets is None or not isinstance(name, str):
         what = f"`{varied.call.name}` has random continuous values"
@@ -223,4 +223,4 @@ def _drawn(
     low, high = min(numbers), max(numbers)
     step = (high - low) / buckets
     labels = (f"{name} {low + n * step:.4g} – {low + (n + 1) * step:.4g}" for n in range(buckets))
-    return Axis(tuple(labels), name, (low, high))
+    return VariationAxis(tuple(labels), name, (low, high))

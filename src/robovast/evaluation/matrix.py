@@ -22,7 +22,7 @@ _REST = "others"
 
 
 @dataclass(frozen=True)
-class Axis:
+class FactorAxis:
     """Groups of configurations by the values of a factor."""
 
     factor: str
@@ -46,8 +46,8 @@ class Cell:
 class Matrix:
     """Configurations by two factors."""
 
-    across: Axis
-    down: Axis
+    across: FactorAxis
+    down: FactorAxis
     cells: list[list[Cell]]
     """Row by row."""
 
@@ -78,9 +78,9 @@ def matrix(variants: Sequence[VariantRuns], factors: Sequence[str]) -> Matrix:
     return Matrix(across, down, cells)
 
 
-def _axis(factor: str, values: Sequence[Any]) -> Axis:
+def _axis(factor: str, values: Sequence[Any]) -> FactorAxis:
     if not factor:
-        return Axis("", [""], [0] * len(values))
+        return FactorAxis("", [""], [0] * len(values))
     different = sorted({as_text(value): value for value in values}.items(), key=_in_order)
     numbers = [value for _, value in different if is_number(value)]
     if len(different) > MOST_GROUPS and len(numbers) == len(different):
@@ -88,7 +88,7 @@ def _axis(factor: str, values: Sequence[Any]) -> Axis:
     place = {text: min(n, MOST_GROUPS) for n, (text, _) in enumerate(different)}
     labels = [value_label(value) for _, value in different[:MOST_GROUPS]]
     rest = [_REST] if len(different) > MOST_GROUPS else []
-    return Axis(factor, labels + rest, [place[as_text(value)] for value in values])
+    return FactorAxis(factor, labels + rest, [place[as_text(value)] for value in values])
 
 
 def _in_order(item: tuple[str, Any]) -> tuple[Any, ...]:
@@ -115,9 +115,11 @@ def value_label(value: Any) -> str:
     return "–" if value is None else as_text(value)
 
 
-def _ranges(factor: str, values: Sequence[float], ordered: Sequence[float]) -> Axis:
+def _ranges(factor: str, values: Sequence[float], ordered: Sequence[float]) -> FactorAxis:
     """Ranges with about as many different values each."""
     starts = [ordered[n * len(ordered) // RANGES] for n in range(RANGES)]
     ends = [*starts[1:], ordered[-1]]
     labels = [f"{start:.3g} … {end:.3g}" for start, end in zip(starts, ends, strict=True)]
-    return Axis(factor, labels, [sum(start <= value for start in starts) - 1 for value in values])
+    return FactorAxis(
+        factor, labels, [sum(start <= value for start in starts) - 1 for value in values]
+    )

@@ -30,7 +30,7 @@ from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import at, place, ticks
 from robovast.model.naming import CONFIG
 from robovast.search.ending import best_values, ending, reached, until_batches
-from robovast.search.history import History
+from robovast.search.history import SearchHistory
 from robovast.search.results import StoredSearch
 from robovast.search.strategy import unbeaten
 from robovast.search.types import Evaluation
@@ -310,4 +310,6 @@ def _read(results: Path, name: str) -> StoredSearch:
         place = ".".join(map(str, ("search", *first["loc"])))
         raise InputError(f"{name}/{CONFIG}/{file}: `{place}`: {first['msg']}.") from None
     search = until_batches(search, batches if type(batches) is int else None)
-    return StoredSearch(search, History(Layout(results / name)), results / name / CONFIG / file)
+    return StoredSearch(
+        search, SearchHistory(Layout(results / name)), results / name / CONFIG / file
+    )

@@ -19,7 +19,7 @@ POLL = 0.1
 """Interval of checking a running job [s]."""
 
 
-class Process(Protocol):
+class WatchedProcess(Protocol):
     """A process that executes a job."""
 
     def started(self) -> Stopwatch | None:
@@ -60,7 +60,7 @@ def final_ending(
 class PackWatch:
     """Watches one job from its start to its end."""
 
-    process: Process
+    process: WatchedProcess
     job: PackStart
     output: PackOutput
     stored: Path

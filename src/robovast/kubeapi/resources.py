@@ -109,7 +109,7 @@ class GitRepository(_Spec):
     """Secret in the namespace with `username` and `password` of an account, for an `https` URL."""
 
 
-class Source(_Spec):
+class CampaignSource(_Spec):
     """Source of the files that belong to the .vast file: at most one of these keys."""
 
     inline: InlineFiles | None = None
@@ -317,7 +317,7 @@ class CampaignSpec(_Spec):
         Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*\.vast$", max_length=100)] | None
     ) = None
     """Name of the .vast file in the results (default: the name of the Campaign and `.vast`)."""
-    source: Source = Field(default_factory=Source)
+    source: CampaignSource = Field(default_factory=CampaignSource)
     """Source of the files that belong to the .vast file."""
     image: Annotated[str, Field(pattern=IMAGE, max_length=500)] | None = None
     """Container image (default: `execution.image` of the .vast file)."""

@@ -24,7 +24,13 @@ from robovast.base.file_errors import read_content
 from robovast.base.safe_paths import MOST_OF_ALL
 from robovast.kubeapi.amounts import check_amounts
 from robovast.kubeapi.names import CAMPAIGN_NAME_LIMIT
-from robovast.kubeapi.resources import API_VERSION, BundleSource, CampaignSpec, InlineFiles, Source
+from robovast.kubeapi.resources import (
+    API_VERSION,
+    BundleSource,
+    CampaignSource,
+    CampaignSpec,
+    InlineFiles,
+)
 from robovast.model.document import Document
 from robovast.model.document.gpus import check_gpus
 from robovast.model.document.problems import sentence
@@ -251,22 +257,22 @@ def _fits(vast: Any, files: Mapping[str, InputFile]) -> bool:
     return size <= INLINE_LIMIT and len(files) <= INLINE_FILES and modes_survive
 
 
-def _inline(files: Mapping[str, InputFile]) -> Source:
+def _inline(files: Mapping[str, InputFile]) -> CampaignSource:
     texts = {name: file.text for name, file in files.items() if file.text is not None}
     binary = {
         name: base64.b64encode(file.content).decode("ascii")
         for name, file in files.items()
         if name not in texts
     }
-    return Source(inline=InlineFiles(files=texts, binary_files=binary))
+    return CampaignSource(inline=InlineFiles(files=texts, binary_files=binary))
 
 
-def _bundle(archive: Archive) -> Source:
-    return Source(bundle=BundleSource(key=archive.key, sha256=archive.sha256))
+def _bundle(archive: Archive) -> CampaignSource:
+    return CampaignSource(bundle=BundleSource(key=archive.key, sha256=archive.sha256))
 
 
 def _spec(
-    document: Document, vast: dict[str, Any], source: Source, options: SubmitOptions
+    document: Document, vast: dict[str, Any], source: CampaignSource, options: SubmitOptions
 ) -> dict[str, Any]:
     searches = document.vast.search is not None
     flags = {"-t": options.log_tree, "-d": options.debug}

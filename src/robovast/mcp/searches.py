@@ -16,7 +16,7 @@ from robovast.evaluation.inside import MissingError, resolved
 from robovast.evaluation.library import Library
 from robovast.mcp.bounds import page
 from robovast.mcp.tools import add_tools
-from robovast.search.history import Batch, History
+from robovast.search.history import Batch, SearchHistory
 
 
 class SearchTools:
@@ -65,7 +65,7 @@ class SearchTools:
         if not os.path.isdir(root / campaign / SEARCH):
             raise InputError(f"{campaign} is not a search, or has no proposal yet.")
         resolved(root, f"{campaign}/{SEARCH}")
-        return History(Layout(root / campaign)).batches
+        return SearchHistory(Layout(root / campaign)).batches
 
 
 def _batch(batch: Batch) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def _turns(runs: int, workers: int) -> int:
 
 
 @dataclass(frozen=True)
-class Progress:
+class CampaignProgress:
     """How far a campaign is."""
 
     done: int
@@ -85,7 +85,7 @@ class Progress:
     they are measured."""
 
 
-def remaining(so_far: Progress) -> Forecast | None:
+def remaining(so_far: CampaignProgress) -> Forecast | None:
     """How long a campaign goes on; None before a run has ended.
 
     Nobody knows how much of the packs that are being executed is done: nothing of them, as where

@@ -39,7 +39,7 @@ class Pace:
 
 
 @dataclass(frozen=True)
-class Sample:
+class PackSample:
     """One start that has ended."""
 
     runs: int
@@ -49,7 +49,7 @@ class Sample:
     """Time of the whole sample."""
 
 
-def pace_of(samples: Iterable[Sample]) -> Pace | None:
+def pace_of(samples: Iterable[PackSample]) -> Pace | None:
     """What a start and a run take; None if no run was measured.
 
     A start that had to wait for an image, say, tells nothing of the others: half of them tell.

@@ -28,7 +28,7 @@ from robovast.navigation.sizes import radius_of
 
 if TYPE_CHECKING:
     from robovast.navigation.costmap import Costmap
-    from robovast.navigation.placing import Course, Kind, Placed
+    from robovast.navigation.placing import Course, ObstacleKind, Placed
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Several = NotNegative | Annotated[list[NotNegative], Field(min_length=1)]
@@ -157,8 +157,8 @@ class ObstacleVariation(NavigationVariation):
         settings: ObstacleKindConfig,
         amount_per_m: float | None,
         max_distance: float | None,
-    ) -> Kind:
-        from robovast.navigation.placing import Kind
+    ) -> ObstacleKind:
+        from robovast.navigation.placing import ObstacleKind
 
         if not course.points and (amount_per_m is not None or max_distance is not None):
             raise self.error(
@@ -169,13 +169,13 @@ class ObstacleVariation(NavigationVariation):
         amount = (
             settings.amount if amount_per_m is None else math.floor(amount_per_m * length + 1e-9)
         )
-        return Kind(amount or 0, radius_of(settings.xacro_arguments), max_distance)
+        return ObstacleKind(amount or 0, radius_of(settings.xacro_arguments), max_distance)
 
     def _with_obstacles(
         self,
         config: Config,
         course: Course,
-        kinds: list[Kind],
+        kinds: list[ObstacleKind],
         placed: list[Placed],
         factors: Factors,
     ) -> Config:

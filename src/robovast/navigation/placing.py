@@ -25,7 +25,7 @@ class PlacingError(ValueError):
 
 
 @dataclass(frozen=True)
-class Kind:
+class ObstacleKind:
     """Obstacles of one kind."""
 
     amount: int
@@ -51,12 +51,12 @@ class Course:
 class Placed:
     """An obstacle with its position."""
 
-    kind: Kind
+    kind: ObstacleKind
     pose: Pose
 
 
 def place(
-    costmap: Costmap, rng: random.Random, course: Course, kinds: Sequence[Kind]
+    costmap: Costmap, rng: random.Random, course: Course, kinds: Sequence[ObstacleKind]
 ) -> list[Placed]:
     """Place obstacles in free space, apart from one another, leaving a path to every goal.
 
@@ -76,7 +76,7 @@ def place(
 
 
 def _placed(
-    costmap: Costmap, rng: random.Random, course: Course, wanted: Sequence[Kind]
+    costmap: Costmap, rng: random.Random, course: Course, wanted: Sequence[ObstacleKind]
 ) -> Iterator[Placed]:
     """One attempt; it ends at the first obstacle that does not fit."""
     samples = _samples(course)
@@ -95,7 +95,7 @@ def _placed(
 
 
 def _spot(
-    costmap: Costmap, rng: random.Random, samples: npt.NDArray[np.float64], kind: Kind
+    costmap: Costmap, rng: random.Random, samples: npt.NDArray[np.float64], kind: ObstacleKind
 ) -> Point:
     """A position within the allowed distance from the path, or anywhere on the map."""
     if kind.max_distance is None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from robovast.model.document.search.criteria import Criterion, Progress, criteria
+from robovast.model.document.search.criteria import Criterion, SearchProgress, criteria
 from robovast.model.document.search.section import (
     BatchBudget,
     BudgetItem,
     Search,
     SearchObjective,
 )
-from robovast.search.history import History
+from robovast.search.history import SearchHistory
 from robovast.search.types import Evaluation
 
 NOTHING_NEW = 3
@@ -46,7 +46,7 @@ def best_after(
     return better([*([] if before is None else [before]), *values], default=None)
 
 
-def best_values(objective: SearchObjective, history: History) -> list[float | None]:
+def best_values(objective: SearchObjective, history: SearchHistory) -> list[float | None]:
     """The best value of an objective after each batch."""
     best: list[float | None] = []
     for batch in history.finished:
@@ -56,15 +56,15 @@ def best_values(objective: SearchObjective, history: History) -> list[float | No
 
 
 def reached(
-    search: Search, history: History, best: Sequence[float | None], further: int = 0
+    search: Search, history: SearchHistory, best: Sequence[float | None], further: int = 0
 ) -> list[Criterion]:
     """How far the criteria are after the last batch that was scored, or after further ones."""
     done = history.finished
     metrics = done[-1].outcome.metrics if done and done[-1].outcome else {}
-    return criteria(search, Progress(len(done) + further, history.elapsed, best, metrics))
+    return criteria(search, SearchProgress(len(done) + further, history.elapsed, best, metrics))
 
 
-def ending(search: Search, history: History, best: Sequence[float | None]) -> Stop | None:
+def ending(search: Search, history: SearchHistory, best: Sequence[float | None]) -> Stop | None:
     """Why a search has ended, unless its strategy says so; None while it has not.
 
     Args:

@@ -84,7 +84,7 @@ class Scored:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BatchOutcome:
     """The end of a batch."""
 
     __pydantic_config__: ClassVar[ConfigDict] = _EXACT
@@ -105,7 +105,7 @@ class Batch:
     number: int
     proposal: Proposal
     again: tuple[Block, ...] | None = None
-    outcome: Outcome | None = None
+    outcome: BatchOutcome | None = None
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -118,7 +118,7 @@ class Batch:
         return self.number - self.proposal.ahead
 
 
-class History:
+class SearchHistory:
     """The stored batches of a search."""
 
     def __init__(self, layout: Layout, keep: Keep = write_atomically) -> None:
@@ -227,7 +227,7 @@ class History:
         self._write(batch.number, ".again", [block.model_dump() for block in blocks])
         batch.again = tuple(blocks)
 
-    def finish(self, batch: Batch, outcome: Outcome) -> None:
+    def finish(self, batch: Batch, outcome: BatchOutcome) -> None:
         """Store the end of a batch."""
         self._write(batch.number, ".result", asdict(outcome))
         batch.outcome = outcome
@@ -285,8 +285,8 @@ class History:
                 )
         return proposal
 
-    def _scores(self, number: int, proposal: Proposal) -> Outcome:
-        outcome: Outcome = self._load(number, ".result", Outcome)
+    def _scores(self, number: int, proposal: Proposal) -> BatchOutcome:
+        outcome: BatchOutcome = self._load(number, ".result", BatchOutcome)
         if not {p.id for p in proposal.sets} <= {s.id for s in outcome.scores}:
             raise self._wrong(number, ".result", "`scores` lacks a set of the batch")
         return outcome

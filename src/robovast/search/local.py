@@ -16,9 +16,9 @@ from robovast.campaign.configurations import document_path, read_configurations
 from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations, write_execution
 from robovast.execution.local import (
+    ExecutionObserver,
+    ExecutionSummary,
     LocalOptions,
-    Observer,
-    Summary,
     record_again,
     recorded_runs,
     recorded_seed,
@@ -38,7 +38,7 @@ from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition
 from robovast.model.plan import plan_variants
 from robovast.search.ending import Stop
-from robovast.search.history import History
+from robovast.search.history import SearchHistory
 from robovast.search.plugins import make_extractor
 from robovast.search.processing import call_postprocessing
 from robovast.search.proposing import first_batch, with_batches, with_runs
@@ -50,7 +50,7 @@ __all__ = ["SearchSummary", "execute_document", "resume"]
 
 
 @dataclass(frozen=True)
-class SearchSummary(Summary):
+class SearchSummary(ExecutionSummary):
     """Result of a search."""
 
     stop: Stop | None = None
@@ -68,8 +68,8 @@ class SearchSummary(Summary):
 
 
 def execute_document(
-    document: Document, output: Path, options: LocalOptions, observer: Observer
-) -> Summary:
+    document: Document, output: Path, options: LocalOptions, observer: ExecutionObserver
+) -> ExecutionSummary:
     """Execute a new campaign, or a search where the document has one; see `run_campaign`."""
     if document.vast.search is None:
         _refuse_batches(document, options)
@@ -85,7 +85,7 @@ def _refuse_batches(document: Document, options: LocalOptions) -> None:
         )
 
 
-def resume(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
+def resume(campaign: Path, options: LocalOptions, observer: ExecutionObserver) -> ExecutionSummary:
     """Continue a campaign or a search; see `resume_campaign`."""
     refuse_bytes(campaign)
     layout = Layout(campaign.absolute())
@@ -131,7 +131,7 @@ def _refuse_fewer(layout: Layout, batches: int | None) -> None:
     Raises:
         InputError: so many are done.
     """
-    done = len(History(layout).finished)
+    done = len(SearchHistory(layout).finished)
     if batches is not None and batches <= done:
         raise InputError(
             f"{layout.root} has {done} batches, and `--batches` counts all of them",
@@ -140,8 +140,8 @@ def _refuse_fewer(layout: Layout, batches: int | None) -> None:
 
 
 def run_search(
-    document: Document, output: Path, options: LocalOptions, observer: Observer
-) -> Summary:
+    document: Document, output: Path, options: LocalOptions, observer: ExecutionObserver
+) -> ExecutionSummary:
     """Execute a new search in a new subfolder of `output`.
 
     Raises:
@@ -189,7 +189,7 @@ def _without_ignored(options: LocalOptions, tell: Callable[[str], None]) -> Loca
     return replace(options, select=None, abort_on_failure=False)
 
 
-def _search(session: Session, observer: Observer) -> SearchSummary:
+def _search(session: Session, observer: ExecutionObserver) -> SearchSummary:
     layout = session.layout
     with (
         executing(session, observer) as told,
@@ -199,7 +199,7 @@ def _search(session: Session, observer: Observer) -> SearchSummary:
         if session.options.batches is not None:
             record_again(layout, {"batches": session.options.batches})
         document = with_batches(session.document, recorded_batches(layout))
-        history = History(layout)
+        history = SearchHistory(layout)
         watch = Stopwatch(late=history.elapsed)
         campaign = GrowingCampaign(session, told, recorded_seed(layout))
         campaign.open(history.blocks)

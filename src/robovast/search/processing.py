@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure
+from robovast.analysis.postprocessing.events import Failure, PostprocessingSummary
 from robovast.analysis.postprocessing.session import call_commands
 from robovast.model.document import Document
 from robovast.search.plugins import make_extractor, search_of
@@ -48,5 +48,5 @@ class _Failures:
     def message(self, text: str) -> None:
         self.tell(text)
 
-    def campaign_finished(self, summary: CampaignSummary) -> None:
+    def campaign_finished(self, summary: PostprocessingSummary) -> None:
         pass

@@ -18,7 +18,7 @@ from robovast.model.document.problems import as_hint, suggest
 from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import holds, place
 from robovast.search.ending import best_values
-from robovast.search.history import Batch, History
+from robovast.search.history import Batch, SearchHistory
 from robovast.search.plugins import search_of, strategy_of
 from robovast.search.strategy import SearchStrategy, unbeaten
 from robovast.search.types import Evaluation
@@ -39,7 +39,7 @@ class StoredSearch:
         InputError: what is stored is not of this search.
     """
 
-    def __init__(self, search: Search, history: History, document: Path) -> None:
+    def __init__(self, search: Search, history: SearchHistory, document: Path) -> None:
         history.check(search)
         self.search = search
         self.history = history
@@ -211,7 +211,7 @@ def stored_search(campaign: Path) -> StoredSearch:
     """
     layout = Layout(campaign)
     document = load_document(document_path(layout, read_configurations(layout)))
-    stored = StoredSearch(search_of(document), History(layout), document.path)
+    stored = StoredSearch(search_of(document), SearchHistory(layout), document.path)
     if not stored.history.finished:
         raise InputError(
             f"{campaign}: no batch of the search is finished yet.",

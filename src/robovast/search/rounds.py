@@ -24,7 +24,7 @@ from robovast.model.expansion import Composition, Variant
 from robovast.model.packs import RUNS_LIMIT, Block
 from robovast.search.ending import Stop, best_after, ending, reached
 from robovast.search.extractor import Extractor
-from robovast.search.history import Batch, History, Outcome, Proposal
+from robovast.search.history import Batch, BatchOutcome, Proposal, SearchHistory
 from robovast.search.plugins import make_strategy, search_of
 from robovast.search.proposing import Expand, ask, expand_sets, with_entries
 from robovast.search.scoring import samples, score
@@ -39,14 +39,14 @@ eight workers busy while its slowest run, which takes five times as long as othe
 document decides, not the machine: a search has the same sets wherever it is executed."""
 
 
-class Observer(Protocol):
+class SearchObserver(Protocol):
     """Receives what there is to say."""
 
     def message(self, text: str) -> None:
         """Say it."""
 
 
-class Campaign(Protocol):
+class BatchedCampaign(Protocol):
     """A campaign whose variants and runs are added while it is executed."""
 
     @property
@@ -58,7 +58,7 @@ class Campaign(Protocol):
         """Its folder."""
 
     @property
-    def observer(self) -> Observer:
+    def observer(self) -> SearchObserver:
         """Is told what there is to say."""
 
     @property
@@ -89,8 +89,8 @@ class Rounds:
     """One search, as far as it was executed."""
 
     document: Document
-    campaign: Campaign
-    history: History
+    campaign: BatchedCampaign
+    history: SearchHistory
     extractor: Extractor
     process: Callable[[], None]
     """Calls the postprocessing of the search."""
@@ -316,14 +316,14 @@ class Rounds:
         for scored in fresh.values():
             if scored.error:
                 self.campaign.observer.message(f"{configs[scored.id]} is skipped: {scored.error}")
-        provisional = Outcome(scores, 0.0, 0.0)
+        provisional = BatchOutcome(scores, 0.0, 0.0)
         batch.outcome = provisional
         with self._calling("tell"):
             self.strategy.tell(self.history.evaluations(batch))
         self._note(batch)
         metrics = {k: float(v) for k, v in self.report().extra.items() if _is_number(v)}
         elapsed = round(self.elapsed(), 3)
-        self.history.finish(batch, Outcome(scores, elapsed, time.time(), metrics))
+        self.history.finish(batch, BatchOutcome(scores, elapsed, time.time(), metrics))
         self.finished(None)
         self.campaign.observer.message(self._line(batch))
 

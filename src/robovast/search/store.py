@@ -16,11 +16,11 @@ from robovast.campaign.layout import Layout
 from robovast.model.document import Document
 from robovast.model.naming import CAMPAIGN_STORE
 from robovast.search.ending import Stop
-from robovast.search.history import Batch, History
+from robovast.search.history import Batch, SearchHistory
 
 
 def write_search_store(
-    layout: Layout, document: Document, history: History, stop: Stop | None
+    layout: Layout, document: Document, history: SearchHistory, stop: Stop | None
 ) -> None:
     """Replace the store by one of all batches that were scored.
 
@@ -43,7 +43,7 @@ def _write(
     connection: sqlite3.Connection,
     layout: Layout,
     document: Document,
-    history: History,
+    history: SearchHistory,
     stop: Stop | None,
 ) -> None:
     connection.executescript(SCHEMA)

@@ -45,7 +45,7 @@ class HttpError(StorageError):
         self.status = status
 
 
-class Options(TypedDict, total=False):
+class RequestOptions(TypedDict, total=False):
     """What a request has beside its method and address."""
 
     attempt: Required[str]
@@ -103,7 +103,7 @@ class HttpClient:
         )
 
     def request(
-        self, method: str, url: str, **options: Unpack[Options]
+        self, method: str, url: str, **options: Unpack[RequestOptions]
     ) -> urllib3.BaseHTTPResponse:
         """The answer to a request, read; see `opened`."""
         with self.opened(method, url, preload=True, **options) as answer:
@@ -111,7 +111,7 @@ class HttpClient:
 
     @contextmanager
     def opened(
-        self, method: str, url: str, *, preload: bool = False, **options: Unpack[Options]
+        self, method: str, url: str, *, preload: bool = False, **options: Unpack[RequestOptions]
     ) -> Iterator[urllib3.BaseHTTPResponse]:
         """The answer to a request, to be read while the context lasts.
 

@@ -43,7 +43,7 @@ class Body(Protocol):
         """Set the position."""
 
 
-class StoppedError(StorageError):
+class UploadStoppedError(StorageError):
     """An upload was stopped for something more urgent."""
 
 
@@ -57,7 +57,7 @@ class _Stoppable:
     def read(self, size: int = -1, /) -> bytes:
         """The next bytes."""
         if self.stopped():
-            raise StoppedError("the upload was stopped for something more urgent")
+            raise UploadStoppedError("the upload was stopped for something more urgent")
         return self.body.read(size)
 
     def __getattr__(self, name: str) -> Any:

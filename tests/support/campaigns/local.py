@@ -12,7 +12,7 @@ from typing import Any
 
 from robovast.campaign.decisions import told
 from robovast.campaign.run_record import RunRecord
-from robovast.execution.local import LocalOptions, Summary, resume_campaign, run_campaign
+from robovast.execution.local import ExecutionSummary, LocalOptions, resume_campaign, run_campaign
 from robovast.execution.local.pack_queue import Decided
 from robovast.execution.local.process_environment import process_environment
 from robovast.model.document import load_document
@@ -105,7 +105,9 @@ def make_campaign(
     return path
 
 
-def run(path: Path, output: Path, observer: Recorder | None = None, **options: Any) -> Summary:
+def run(
+    path: Path, output: Path, observer: Recorder | None = None, **options: Any
+) -> ExecutionSummary:
     """Execute a new campaign, as plain processes unless told otherwise."""
     chosen = LocalOptions(**{"runtime": "process", **options})
     return run_campaign(load_document(path), output, chosen, observer or Recorder())
@@ -121,13 +123,13 @@ def ros_environment() -> str:
     return done.stdout.strip()
 
 
-def resume(campaign: Path, observer: Recorder | None = None, **options: Any) -> Summary:
+def resume(campaign: Path, observer: Recorder | None = None, **options: Any) -> ExecutionSummary:
     """Continue a campaign."""
     chosen = LocalOptions(**{"runtime": "process", **options})
     return resume_campaign(campaign, chosen, observer or Recorder())
 
 
-def verdicts(summary: Summary) -> dict[str, str]:
+def verdicts(summary: ExecutionSummary) -> dict[str, str]:
     """Verdict by run, as the stored records say."""
     return {
         f"{record.variant}/{record.run}": json.loads(

@@ -16,7 +16,7 @@ from robovast_testbed.s3 import Server
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.pack import Pack
-from robovast.agent.results import Results
+from robovast.agent.results import PodResults
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import TestResult, Verdict
 from robovast.model.plan import Run
@@ -95,7 +95,7 @@ class Execution:
         self.files = {**own, **self.files}
         variant, number = self.run.split("/")
         self._run = Run(0, Variant(variant, "entry", {}), int(number))
-        self._results = Results(Bucket(self.store, self.bucket, OWNER), self._pack(), pod="")
+        self._results = PodResults(Bucket(self.store, self.bucket, OWNER), self._pack(), pod="")
 
     def _pack(self) -> Pack:
         return Pack(

@@ -15,7 +15,7 @@ from robovast.execution.generate import write_configurations
 from robovast.model.document import load_document
 from robovast.model.expansion import Composition
 from robovast.model.packs import Block
-from robovast.search.history import History, Outcome, Proposal, Scored
+from robovast.search.history import BatchOutcome, Proposal, Scored, SearchHistory
 from robovast.search.plugins import make_strategy, search_of
 from robovast.search.types import ParamSet
 from support.campaigns.stored import write, write_run
@@ -96,7 +96,7 @@ def write_search(
         "execution_time: '2026-03-07T09:00:00+00:00'\nrobovast_version: 0.1.0\nruns: 3\n"
         "seed: 1\nexecution_type: local\nimage: robots/hall:7\nimage_revision: ''\n",
     )
-    strategy, history = make_strategy(loaded), History(Layout(root))
+    strategy, history = make_strategy(loaded), SearchHistory(Layout(root))
     history.replay(strategy)
     written = set(history.configs())
     for number in range(len(history.batches), batches):
@@ -111,12 +111,12 @@ def write_search(
         )  # fmt: skip
         batch = history.propose(proposal)
         unique = {params.id: params for params in asked}
-        batch.outcome = Outcome(tuple(map(scored, unique.values())), 0.0, 0.0)
+        batch.outcome = BatchOutcome(tuple(map(scored, unique.values())), 0.0, 0.0)
         strategy.tell(history.evaluations(batch))
         found = _NUMBERS if search_of(loaded).strategy == "boundary" else strategy.report().extra
         numbers = {k: float(v) for k, v in found.items() if isinstance(v, int | float)}
         elapsed = 60.0 * (number + 1)
-        outcome = Outcome(batch.outcome.scores, elapsed, 1772874000.0 + elapsed, numbers)
+        outcome = BatchOutcome(batch.outcome.scores, elapsed, 1772874000.0 + elapsed, numbers)
         history.finish(batch, outcome)
         for params in new:
             if runs:

@@ -16,10 +16,10 @@ from robovast.model.packing import Pace
 from robovast.model.repetition import GroupSizes, list_name, list_text, parse_list, retry_groups
 from robovast_operator.decide import (
     AppendRuns,
+    CampaignDecision,
     CreateShard,
     CreateTask,
     CreateUpload,
-    Decision,
     DeleteJob,
     DeletePlan,
     ResizeJob,
@@ -35,10 +35,10 @@ from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan
 from robovast_operator.pods.findings import Final, PodFindings
 from robovast_operator.pods.verdicts import Report
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 from robovast_operator.snapshot import Snapshot
 
-SETTINGS = Settings(agent_image="agent:1", endpoint="http://s3:9000")
+SETTINGS = OperatorSettings(agent_image="agent:1", endpoint="http://s3:9000")
 
 SCENARIO = """scenario try_it:
     speed: float = 1.0
@@ -221,7 +221,7 @@ class World:
         self.accepted = replace(self.accepted, spec=self.accepted.spec.model_copy(update=spec))
         self.plan_more()
 
-    def look(self, *, dies: str = "") -> Decision:
+    def look(self, *, dies: str = "") -> CampaignDecision:
         """One look of the operator; it may die `before` its status is written, or `amid` acts."""
         self.now += timedelta(seconds=1)
         going = [name for name, job in self.jobs.items() if job.deleting]

@@ -10,7 +10,13 @@ from robovast.agent.__main__ import main
 from robovast.agent.finish import summary
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
-from robovast.kubeapi.pod_contract.messages import LIMIT, Message, Summary, Verdicts, write_error
+from robovast.kubeapi.pod_contract.messages import (
+    LIMIT,
+    Summary,
+    TerminationMessage,
+    Verdicts,
+    write_error,
+)
 
 
 def test_verdicts_are_told_as_ranges() -> None:
@@ -41,7 +47,7 @@ def test_an_error_does_not_hide_the_verdicts(tmp_path: Path) -> None:
 
 
 def test_outside_a_container_no_message_is_left(tmp_path: Path) -> None:
-    Message().write(tmp_path / "message")
+    TerminationMessage().write(tmp_path / "message")
     write_error(tmp_path / "message", "no", as_json=False)
     assert list(tmp_path.iterdir()) == []
 

@@ -27,7 +27,7 @@ from robovast.agent.agent import _Keeper
 from robovast.agent.background import Background
 from robovast.agent.bucket import Bucket
 from robovast.agent.pack import Pack, PodStart
-from robovast.agent.results import MOST_FILES, ROOM, Results
+from robovast.agent.results import MOST_FILES, ROOM, PodResults
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import TestResult, Verdict
 from robovast.model.expansion import Variant
@@ -139,7 +139,7 @@ def served(link: Link) -> Iterator[str]:
 
 
 @contextmanager
-def pod(link: Link, out: Path) -> Iterator[tuple[_Keeper, Results, PodStart]]:
+def pod(link: Link, out: Path) -> Iterator[tuple[_Keeper, PodResults, PodStart]]:
     """What stores the output of a pod that executes one job."""
     folder = out / "_jobs" / "job-0" / "logs"
     folder.mkdir(parents=True)
@@ -149,7 +149,7 @@ def pod(link: Link, out: Path) -> Iterator[tuple[_Keeper, Results, PodStart]]:
         keys = Credentials("key", "secret")
         store = ObjectStore(endpoint, keys, patience=30)
         yielding = ObjectStore(endpoint, keys, patience=0, stopped=background.is_busy)
-        results = Results(Bucket(store, "test", OWNER), PACK, "pod", yielding)
+        results = PodResults(Bucket(store, "test", OWNER), PACK, "pod", yielding)
         folders: Any = SimpleNamespace(out=out)
         keeper = _Keeper(folders, results, background, {}, [], [])
         yield keeper, results, PACK.job(1, (RUN,))
@@ -234,7 +234,7 @@ def test_a_snapshot_is_bounded_and_stores_only_what_has_changed(
         folder = Path(name, "job-0")
         folder.mkdir()
         kept, bucket = Kept(), SimpleNamespace(name="test", store=None)
-        results = Results(bucket, PACK, "pod", kept)  # type: ignore[arg-type]
+        results = PodResults(bucket, PACK, "pod", kept)  # type: ignore[arg-type]
         job = PACK.job(1, (RUN,))
         for files in (first, then):
             kept.objects.clear()
@@ -264,7 +264,7 @@ def test_the_pace_and_the_number_of_files_are_limited(tmp_path: Path) -> None:
     for number in range(1000):
         (folder / "logs" / f"{number}.log").write_bytes(bytes(100_000))
     kept, bucket = Kept(), SimpleNamespace(name="test", store=None)
-    results = Results(bucket, PACK, "pod", kept)  # type: ignore[arg-type]
+    results = PodResults(bucket, PACK, "pod", kept)  # type: ignore[arg-type]
     job, begun = PACK.job(1, (RUN,)), time.monotonic()
     results.store_logs(job, folder)
     sent = sum(map(len, kept.objects.values()))

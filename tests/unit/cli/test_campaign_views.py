@@ -13,7 +13,7 @@ from rich.console import Console
 from robovast.base.errors import ExitCode
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.execution.local.events import Summary
+from robovast.execution.local.events import ExecutionSummary
 from robovast.model.plan import Run
 from robovast.model.variant import Variant
 from robovast_cli.ui.campaign import MOST_LISTED, exit_code, summary_lines
@@ -35,10 +35,12 @@ def record(run: Run, verdict: Verdict = Verdict.PASSED, reason: str = "") -> Run
     )  # fmt: skip
 
 
-def summary(*verdicts: Verdict, total: int | None = None, interrupted: bool = False) -> Summary:
+def summary(
+    *verdicts: Verdict, total: int | None = None, interrupted: bool = False
+) -> ExecutionSummary:
     runs = runs_of(len(verdicts))
     records = [record(r, v, "because") for r, v in zip(runs, verdicts, strict=True)]
-    return Summary(Path("out/c"), total or len(verdicts), records, interrupted)
+    return ExecutionSummary(Path("out/c"), total or len(verdicts), records, interrupted)
 
 
 P, F, E = Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED
@@ -54,7 +56,7 @@ P, F, E = Verdict.PASSED, Verdict.FAILED, Verdict.ERRORED
         (summary(P, F, interrupted=True), ExitCode.INTERRUPTED),
     ],
 )
-def test_the_exit_code_follows_from_the_verdicts(ended: Summary, code: ExitCode) -> None:
+def test_the_exit_code_follows_from_the_verdicts(ended: ExecutionSummary, code: ExitCode) -> None:
     assert exit_code(ended) is code
 
 
@@ -64,7 +66,7 @@ def failed(*reasons: str, verdict: Verdict = F) -> list[RunRecord]:
 
 def test_the_summary_has_one_line_for_each_cause() -> None:
     records = failed(*["share below 0.9"] * 30, "KeyError: 'a'")
-    assert list(summary_lines(Summary(Path("out/c"), 31, records, False))) == [
+    assert list(summary_lines(ExecutionSummary(Path("out/c"), 31, records, False))) == [
         "",
         "failed    30 × share below 0.9  hall/0 … (out/c/_jobs/job-0/logs/system.log)",
         "failed     1 × KeyError: 'a'  hall/30 (out/c/_jobs/job-30/logs/system.log)",
@@ -76,10 +78,10 @@ def test_the_summary_has_one_line_for_each_cause() -> None:
 
 def test_a_module_that_plain_processes_lack_is_told_with_the_remedy() -> None:
     records = failed("run_process: ModuleNotFoundError: No module named 'rclpy'", "collision")
-    lines = list(summary_lines(Summary(Path("out/c"), 2, records, False)))
+    lines = list(summary_lines(ExecutionSummary(Path("out/c"), 2, records, False)))
     (remedy,) = [line for line in lines if "ROBOVAST_PROCESS_ENV" in line]
     assert "export ROBOVAST_PROCESS_ENV=$(scripts/ros-environment)" in remedy
-    lines = list(summary_lines(Summary(Path("out/c"), 1, failed("collision"), False)))
+    lines = list(summary_lines(ExecutionSummary(Path("out/c"), 1, failed("collision"), False)))
     assert not any("ROBOVAST_PROCESS_ENV" in line for line in lines)
 
 
@@ -91,7 +93,7 @@ def test_a_campaign_whose_runs_only_follow_does_not_begin_with_none(capsys) -> N
 def test_crashes_and_timeouts_are_never_among_the_causes_that_are_left_out() -> None:
     words = [f"{a}{b}" for a in "abcdefghij" for b in "abcde"]
     records = failed(*words) + failed("stopped after 6 s", verdict=E)
-    lines = list(summary_lines(Summary(Path("out/c"), 51, records, False)))
+    lines = list(summary_lines(ExecutionSummary(Path("out/c"), 51, records, False)))
     assert sum(line.startswith("failed ") for line in lines) == MOST_LISTED - 1
     assert sum(line.startswith("errored") for line in lines) == 1
     assert "… and 31 more causes: 31 failed." in lines

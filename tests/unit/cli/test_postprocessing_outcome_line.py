@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure
+from robovast.analysis.postprocessing.events import Failure, PostprocessingSummary
 from robovast_cli.commands.results.postprocessing import View
 
 
-def line(summary: CampaignSummary, capsys: pytest.CaptureFixture[str]) -> str:
+def line(summary: PostprocessingSummary, capsys: pytest.CaptureFixture[str]) -> str:
     View().campaign_finished(summary)
     said = capsys.readouterr()
     return (said.out + said.err).strip()
@@ -20,12 +20,15 @@ def test_tables_that_could_not_be_written_are_not_up_to_date(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     failure = Failure("hall", "postprocess", "", "cannot write: the disk is full.")
-    failed = CampaignSummary(Path("hall"), runs=6, failures=[failure])
+    failed = PostprocessingSummary(Path("hall"), runs=6, failures=[failure])
     assert line(failed, capsys) == "hall: 6 runs, 1 failed"
     document = Path("hall/_config/a.vast")
     for summary, why in (
-        (CampaignSummary(Path("hall"), document, 6), "the .vast file has no commands"),
-        (CampaignSummary(Path("hall"), runs=6), "the campaign has no .vast file, so no commands"),
+        (PostprocessingSummary(Path("hall"), document, 6), "the .vast file has no commands"),
+        (
+            PostprocessingSummary(Path("hall"), runs=6),
+            "the campaign has no .vast file, so no commands",
+        ),
     ):
         assert f"6 runs, tables and metadata are up to date ({why})" in line(summary, capsys)
         summary.written.append("metadata")

@@ -115,7 +115,7 @@ def test_sysinfo_says_what_the_machine_has_when_nobody_tells(tmp_path: Path) -> 
 
 def test_the_name_of_a_process_may_hold_any_character() -> None:
     line = "7 (a) b (c) S 3 7 7 0 -1 4194560 99 0 0 0 150 50 0 0 20 0 1 0 500 1000 25 18446744073"
-    process = monitor_resources.Process(line)
+    process = monitor_resources.ProcessStat(line)
     assert (process.pid, process.name) == (7, "a) b (c")
     assert process.cpu == 200 / monitor_resources.TICKS
     assert process.rss == 25 * monitor_resources.PAGE

@@ -30,7 +30,7 @@ from robovast.evaluation.drive.clock import Clock
 from robovast.evaluation.drive.drives import Drive, Drives
 from robovast.evaluation.drive.part import Part
 from robovast.evaluation.drive.picture_size import size_of
-from robovast.evaluation.drive.recording import Message, Recording
+from robovast.evaluation.drive.recording import RecordedMessage, Recording
 from robovast.evaluation.drive.roles import ODOMETRY, TRANSFORMS, cast
 
 SECOND = 1_000_000_000
@@ -145,7 +145,7 @@ def test_few_bytes_that_stand_for_gigabytes_of_pixels_are_left_out(tmp_path: Pat
 def test_pictures_whose_stamps_jump_back_are_shown_in_their_order() -> None:
     clock = Clock((0, 9 * SECOND), (0.0, 9.0), first_stamp=0)
     sent = [
-        Message(i, "/sight", struct.pack("<4sII", b"\0\1\0\0", second, 0))
+        RecordedMessage(i, "/sight", struct.pack("<4sII", b"\0\1\0\0", second, 0))
         for i, second in enumerate((1, 3, 2, 4))
     ]
     seen = SimpleNamespace(data=np.frombuffer(photo(1), np.uint8))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from robovast.execution.local.measured_queue import MeasuredQueue
 from robovast.model.expansion import Variant
-from robovast.model.packing import Sample
+from robovast.model.packing import PackSample
 from robovast.model.packs import Block, PlanSpec
 from robovast.model.plan import Run, plan_runs
 
@@ -34,7 +34,7 @@ def test_every_run_is_handed_out_once_unless_it_is_put_back(
         lost -= 1
         mine = pack.runs[: len(pack.runs) - len(back)]
         done += [one.id for one in mine]
-        queue.measured(Sample(len(mine), run * len(mine), start + run * len(mine)))
+        queue.measured(PackSample(len(mine), run * len(mine), start + run * len(mine)))
         queue.put_back(back)
     assert sorted(done) == [one.id for one in runs]
     assert len(set(jobs)) == len(jobs)
@@ -45,7 +45,7 @@ def test_packs_grow_with_what_is_measured_and_shrink_at_the_end() -> None:
     sizes = []
     while pack := queue.take():
         sizes.append(len(pack.runs))
-        queue.measured(Sample(sizes[-1], sizes[-1] * 1.0, 10 + sizes[-1] * 1.0))
+        queue.measured(PackSample(sizes[-1], sizes[-1] * 1.0, 10 + sizes[-1] * 1.0))
     assert sizes[:4] == [1, 1, 16, 16]
     assert max(sizes) > 100
     assert sizes[-1] <= 60, "six starts"
@@ -56,9 +56,9 @@ def test_long_runs_are_not_packed_and_configurations_whose_files_differ_never() 
     queue, runs = queue_of(3, 2)
     while pack := queue.take():
         assert len(pack.runs) == 1
-        queue.measured(Sample(1, 300, 301))
+        queue.measured(PackSample(1, 300, 301))
     queue, runs = queue_of(3, 1, breaks="1-2")
     while pack := queue.take():
         assert len({run.variant.name for run in pack.runs}) == 1
-        queue.measured(Sample(len(pack.runs), 0.1, 10))
+        queue.measured(PackSample(len(pack.runs), 0.1, 10))
     assert len(runs) == 30

@@ -15,7 +15,13 @@ from robovast.campaign.judge import EntrypointExit
 from robovast.execution.compat import COMPAT_SCRIPT, INCOMPATIBLE
 from robovast.execution.contract import contract_files
 from robovast.kubeapi.pod_contract.exit_codes import USELESS, AgentExit
-from robovast.kubeapi.pod_contract.messages import Composed, Message, Summary, Verdicts, error_in
+from robovast.kubeapi.pod_contract.messages import (
+    Composed,
+    Summary,
+    TerminationMessage,
+    Verdicts,
+    error_in,
+)
 from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pods import own_container
 
@@ -47,7 +53,7 @@ def test_our_containers_look_where_their_volumes_are_and_write_to_the_pods_own_a
 
 @pytest.mark.parametrize("kind", [Verdicts, Summary, Composed])
 @given(said=st.text() | st.recursive(st.none() | st.integers(), st.lists).map(str))
-def test_words_that_are_no_message_are_none(kind: type[Message], said: str) -> None:
+def test_words_that_are_no_message_are_none(kind: type[TerminationMessage], said: str) -> None:
     assert kind.read(said) is None
     error_in(said)
 

@@ -16,10 +16,10 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.pods.templates import notify_pod
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 FILES = {"scenario.osc": SCENARIO.encode()}
-ALLOWING = Settings(agent_image="agent", endpoint="http://s3", secret_names=("payroll-db",))
+ALLOWING = OperatorSettings(agent_image="agent", endpoint="http://s3", secret_names=("payroll-db",))
 
 
 def secrets_of(schema: Any, place: str = "") -> Iterator[tuple[str, Object]]:

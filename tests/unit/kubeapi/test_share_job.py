@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from robovast.agent.share import Progress
+from robovast.agent.share import UploadProgress
 from robovast.base.errors import InputError
 from robovast.execution.cluster_execution.share_providers.base import BaseShareProvider
 from robovast.kubeapi.resources import MANAGED_LABEL, ROLE_LABEL, Scheduling
@@ -115,7 +115,7 @@ def test_the_agents_image_is_that_of_a_campaigns_jobs() -> None:
 
 def test_progress_is_told_now_and_then_and_at_the_end(capsys: pytest.CaptureFixture[str]) -> None:
     times = iter([0, 1, 6, 7, 12, 13, 14])
-    progress = Progress("packed", clock=lambda: next(times))
+    progress = UploadProgress("packed", clock=lambda: next(times))
     for done in (1, 2, 3, 3, 4, 4):
         progress(done * 1024, 4096)
     assert capsys.readouterr().out.splitlines() == [

@@ -12,7 +12,7 @@ from robovast.campaign.layout import Layout
 from robovast.evaluation.library import Library
 from robovast.mcp.searches import SearchTools
 from robovast.model.packs import Block
-from robovast.search.history import History, Outcome, Proposal, Scored
+from robovast.search.history import BatchOutcome, Proposal, Scored, SearchHistory
 from robovast.search.types import ParamSet
 
 NAME = "search-2026-11-22-120000"
@@ -23,7 +23,7 @@ def tools(tmp_path: Path) -> SearchTools:
     for name in (NAME, "plain-2026-11-22-120000"):
         (tmp_path / name / "_config").mkdir(parents=True)
         (tmp_path / name / "_execution").mkdir()
-    history = History(Layout(tmp_path / NAME))
+    history = SearchHistory(Layout(tmp_path / NAME))
     for number in range(2):
         sets = tuple(ParamSet({"x": 2 * number + place}) for place in range(2))
         blocks = (Block(first_variant=2 * number, variants=2, runs=1),)
@@ -35,7 +35,7 @@ def tools(tmp_path: Path) -> SearchTools:
                 Scored(sets[0].id, {"failure_rate": 0.5}, {"error": 3.0}, 4),
                 Scored(sets[1].id, error="no run came to a verdict"),
             )
-            history.finish(batch, Outcome(scores, 9.5, 2.0, {"failing": 0.25}))
+            history.finish(batch, BatchOutcome(scores, 9.5, 2.0, {"failing": 0.25}))
     return SearchTools(Library(tmp_path))
 
 

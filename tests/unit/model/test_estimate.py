@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t
 
-from robovast.model.estimate import Progress, Spent, _student, forecast, remaining
+from robovast.model.estimate import CampaignProgress, Spent, _student, forecast, remaining
 
 times = st.floats(0.1, 1e5)
 spent = st.builds(Spent, st.integers(1, 10_000), st.integers(1, 500), times)
@@ -26,7 +26,7 @@ def test_the_interval_has_the_estimate_in_it(earlier: list[Spent], runs: int, wo
 
 def test_nothing_is_known_without_campaigns() -> None:
     assert forecast([], 100, 10) is None
-    assert remaining(Progress(0, 100, 10, 10, 60)) is None
+    assert remaining(CampaignProgress(0, 100, 10, 10, 60)) is None
 
 
 def test_twice_the_runs_take_twice_the_time_and_twice_the_pods_half_of_it() -> None:
@@ -49,7 +49,7 @@ def test_students_t_is_that_of_scipy(freedom: int) -> None:
 
 @given(
     st.builds(
-        Progress,
+        CampaignProgress,
         done=st.integers(1, 10_000),
         left=st.integers(0, 10_000),
         begun=st.floats(0, 10_000),
@@ -59,7 +59,9 @@ def test_students_t_is_that_of_scipy(freedom: int) -> None:
     ),
     st.floats(0, 0.99),
 )
-def test_what_remains_has_an_interval_that_ends_at_nothing(so_far: Progress, part: float) -> None:
+def test_what_remains_has_an_interval_that_ends_at_nothing(
+    so_far: CampaignProgress, part: float
+) -> None:
     found = remaining(replace(so_far, starts=part * so_far.seconds))
     assert found is not None
     assert 0 <= found.least <= found.seconds <= found.most
@@ -75,7 +77,7 @@ def test_whenever_it_is_asked_packs_that_take_equally_long_end_within_the_interv
         for ended in {1, workers}:
             packs = (turn - 1) * workers + ended
             left = rounds * workers - packs
-            so_far = Progress(
+            so_far = CampaignProgress(
                 packs * pack, left * pack, min(left, workers) * pack, workers, turn * seconds, pack
             )
             found = remaining(so_far)

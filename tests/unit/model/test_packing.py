@@ -11,7 +11,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robovast.model.packing import MOST, WAIT, Pace, Sample, next_packs, pace_of
+from robovast.model.packing import MOST, WAIT, Pace, PackSample, next_packs, pace_of
 from robovast.model.packs import Block, PlanSpec, Round
 
 seconds = st.floats(0, 1e6)
@@ -73,8 +73,8 @@ def test_the_first_packs_are_small_and_the_next_ones_grow() -> None:
 
 def test_a_pace_needs_runs_and_is_not_spoilt_by_one_pod_that_waited() -> None:
     assert pace_of([]) is None
-    assert pace_of([Sample(0, 0, 3)]) is None
-    pods = [Sample(2, 4, 7), Sample(1, 2, 5), Sample(3, 6, 600)]
+    assert pace_of([PackSample(0, 0, 3)]) is None
+    pods = [PackSample(2, 4, 7), PackSample(1, 2, 5), PackSample(3, 6, 600)]
     assert pace_of(pods) == Pace(start=3, run=2)
 
 
@@ -96,8 +96,8 @@ def simulated(runs: int, workers: int, start: float, duration: Callable[[], floa
     times = [duration() for _ in range(runs)]
     work, begun, packs, now = sum(times), 0, 0, 0.0
     left, last, sizes, idle = list(times), 0, [], workers
-    samples: list[Sample] = []
-    active: list[tuple[float, int, Sample]] = []
+    samples: list[PackSample] = []
+    active: list[tuple[float, int, PackSample]] = []
     waiting: list[list[float]] = []
     while True:
         while idle and (waiting or left):
@@ -109,7 +109,7 @@ def simulated(runs: int, workers: int, start: float, duration: Callable[[], floa
                 waiting = [cut[at : at + last] for at in range(0, number, last)]
                 sizes.append(last)
             pack = waiting.pop(0)
-            took = Sample(len(pack), sum(pack), start + sum(pack))
+            took = PackSample(len(pack), sum(pack), start + sum(pack))
             heapq.heappush(active, (now + took.seconds, packs, took))
             idle, packs, begun = idle - 1, packs + 1, begun + 1
         if not active:

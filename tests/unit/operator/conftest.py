@@ -10,7 +10,7 @@ from support.sentences import Watch
 
 from robovast.kubeapi.status import Condition
 from robovast_operator.kube import conditions
-from robovast_operator.kube.events import Message
+from robovast_operator.kube.events import EventContent
 from robovast_operator.planning.campaign import Rejected
 from robovast_operator.pods.findings import Mishap, Trouble
 from robovast_operator.pods.waiting import Waiting
@@ -25,7 +25,7 @@ def _sentences(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     watch = Watch("robovast_operator", CUT)
     for kind in (Trouble, Mishap, Rejected, Waiting):
         monkeypatch.setattr(kind, "__init__", watch.on(kind))
-    monkeypatch.setattr(Message, "__init__", watch.on(Message, "text"))
+    monkeypatch.setattr(EventContent, "__init__", watch.on(EventContent, "text"))
 
     def condition(**fields: Any) -> Condition:
         watch.look(fields["reason"], fields["message"])

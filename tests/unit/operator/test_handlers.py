@@ -9,7 +9,7 @@ import kopf
 import pytest
 
 from robovast_operator.__main__ import Handlers, configure
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 
 @pytest.mark.parametrize("name", ["startup", "cleanup", "campaign", "configuration", "job"])
@@ -27,7 +27,7 @@ class Large(dict[str, Any]):
 
 def test_kopf_does_not_copy_objects_to_compare_them() -> None:
     settings = kopf.OperatorSettings()
-    configure(settings, Settings(agent_image="agent:1", endpoint="http://s3:9000"))
+    configure(settings, OperatorSettings(agent_image="agent:1", endpoint="http://s3:9000"))
     body = kopf.Body({"metadata": {"name": "drive"}, "spec": Large(), "status": Large()})
     storage = settings.persistence
     assert storage.diffbase_storage.fetch(body=body) is None

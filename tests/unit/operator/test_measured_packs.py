@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from support.kube.fake_cluster import World, accepted
 
 from robovast.kubeapi.resources import FailFast
-from robovast.model.packing import Pace, Sample
+from robovast.model.packing import Pace, PackSample
 from robovast.model.packs import Entry
 from robovast_operator.decide import AppendRuns, ResizeJob
 from robovast_operator.planning.revisions import Addition, next_revision
@@ -157,7 +157,7 @@ def ended_pod(message: str, **status: Any) -> dict[str, Any]:
 
 def test_a_pod_says_how_long_its_runs_took_and_kubernetes_how_long_all_of_it() -> None:
     said = '{"passed": "0-3", "failed": "", "errored": "", "executed": 4, "seconds": 20.5}'
-    assert sample_of(ended_pod(said)) == Sample(4, 20.5, 30.0)
+    assert sample_of(ended_pod(said)) == PackSample(4, 20.5, 30.0)
 
 
 @pytest.mark.parametrize(

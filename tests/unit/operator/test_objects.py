@@ -33,13 +33,13 @@ from robovast_operator.pods.jobs import (
     task_job,
 )
 from robovast_operator.pods.templates import inline_items, notify_pod, run_pod
-from robovast_operator.settings import Settings
+from robovast_operator.settings import OperatorSettings
 
 START = "/.robovast/start.sh"
 FILES = {"scenario.osc": SCENARIO.encode()}
 
 
-def job_of(made: Accepted, settings: Settings = SETTINGS) -> dict[str, Any]:
+def job_of(made: Accepted, settings: OperatorSettings = SETTINGS) -> dict[str, Any]:
     revision = next_revision(made, (), (), made.identity.child("plan-0"))
     assert revision is not None
     (shard,) = first_attempts(made.identity, [revision])

@@ -11,7 +11,7 @@ from support.kube.fake_cluster import SETTINGS
 
 from robovast_operator.kube import paths
 from robovast_operator.kube.objects import Object
-from robovast_operator.kube.resync import Kind, Resync
+from robovast_operator.kube.resync import Resync, WatchedKind
 from robovast_operator.kube.store import JobState, Store
 
 
@@ -58,7 +58,7 @@ def test_what_the_operator_makes_during_a_list_is_no_sign_of_a_dead_watch(
             learn(made)
 
     server: Any = Server(meanwhile)
-    kind = Kind("Jobs", paths.jobs, store.job_versions, store.has_job, learn, store.drop_job)
+    kind = WatchedKind("Jobs", paths.jobs, store.job_versions, store.has_job, learn, store.drop_job)
     resync = Resync(server, SETTINGS, (kind,))
 
     async def twice() -> None:

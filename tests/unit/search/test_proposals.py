@@ -16,7 +16,7 @@ from robovast.campaign.layout import Layout
 from robovast.model.document import Document, load_document
 from robovast.model.packs import RUNS_LIMIT
 from robovast.search.extractor import Extractor, ExtractResult
-from robovast.search.history import History, Outcome, Proposal
+from robovast.search.history import BatchOutcome, Proposal, SearchHistory
 from robovast.search.plugins import search_of
 from robovast.search.proposing import ask
 from robovast.search.rounds import Rounds
@@ -117,7 +117,7 @@ def test_more_runs_than_a_campaign_can_have_are_refused_before_they_are_stored(
 ) -> None:
     unused: Any = dict.fromkeys(("process", "finished", "expand", "elapsed"))
     campaign: Any = Empty()
-    history = History(Layout(tmp_path))
+    history = SearchHistory(Layout(tmp_path))
     made = Rounds(
         document=document, campaign=campaign, history=history, extractor=Fails(), **unused
     )
@@ -168,10 +168,10 @@ def test_whatever_an_extractor_raises_can_be_stored_and_read_again(
     extractor.error = error
     scores = score(search_of(document), extractor, Layout(tmp_path), {params.id: "c"}, ())
     assert scores[0].error.startswith(told)
-    history = History(Layout(tmp_path))
+    history = SearchHistory(Layout(tmp_path))
     batch = history.propose(Proposal(1, "random", "1", 0, 0, (params,), ("c",), ()))
-    history.finish(batch, Outcome(scores, 1.0, 2.0))
-    assert History(Layout(tmp_path)).batches == history.batches
+    history.finish(batch, BatchOutcome(scores, 1.0, 2.0))
+    assert SearchHistory(Layout(tmp_path)).batches == history.batches
     scores[0].error.encode()
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.model.document.search.criteria import Progress, criteria
+from robovast.model.document.search.criteria import SearchProgress, criteria
 from robovast.model.document.search.section import Search, SearchDimension
 from robovast.model.document.search.space import at, holds, place, set_id, size
 from robovast.model.document.search.template import doubtful, entry_of, markers
@@ -81,7 +81,7 @@ def test_markers_are_replaced_with_their_type_and_the_rest_are_scenario_paramete
 
 def fired(best: list[float | None], **keys: Any) -> list[str]:
     search = section(**keys)
-    progress = Progress(len(best), 10.0, best, {"coverage": 0.25})
+    progress = SearchProgress(len(best), 10.0, best, {"coverage": 0.25})
     return [criterion.kind for criterion in criteria(search, progress) if criterion.fired]
 
 

@@ -15,7 +15,7 @@ from robovast.execution.generate import write_configurations
 from robovast.model.document import load_document
 from robovast.model.expansion import Composition
 from robovast.model.packs import Block
-from robovast.search.history import History, Outcome, Proposal, Scored
+from robovast.search.history import BatchOutcome, Proposal, Scored, SearchHistory
 from robovast.search.pictures import draw_map, encoded
 from robovast.search.results import stored_search
 from robovast.search.types import ParamSet
@@ -48,13 +48,13 @@ def campaign(tmp_path: Path) -> Path:
     root = tmp_path / "results" / "price-2026-11-22-120000"
     write_configurations(load_document(tmp_path / "test.vast"), Composition(()), root, timings=True)
     sets = (ParamSet({"x": 1, "kind": "$5_^{ $"}), ParamSet({"x": 9, "kind": "$"}))
-    history = History(Layout(root))
+    history = SearchHistory(Layout(root))
     blocks = (Block(first_variant=0, variants=2, runs=2),)
     configs = tuple(f"c{params.id}" for params in sets)
     batch = history.propose(Proposal(2, "boundary", "1", 0, 0, sets, configs, blocks))
     rates = zip(sets, (0.0, 1.0), strict=True)
     scores = tuple(Scored(params.id, {"failure_rate": rate}, {}, 2) for params, rate in rates)
-    history.finish(batch, Outcome(scores, 1.0, 2.0))
+    history.finish(batch, BatchOutcome(scores, 1.0, 2.0))
     return root
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 from robovast.analysis.postprocessing.child import GIVEN
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Options
+from robovast.analysis.postprocessing.events import Failure, Options, PostprocessingSummary
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.base.errors import ExitCode
 from robovast.model.document.commands import GROUP
@@ -53,7 +53,7 @@ class View:
         self.close()
         say(text)
 
-    def campaign_finished(self, summary: CampaignSummary) -> None:
+    def campaign_finished(self, summary: PostprocessingSummary) -> None:
         """Print the result of a campaign."""
         self.close()
         say(f"{summary.campaign.name}: {_outcome(summary)}")
@@ -94,7 +94,7 @@ def _told_once(failures: Iterable[Failure]) -> list[str]:
     return [f"{first}" + (f" (and in {n} more runs)" if n else "") for first, n in more]
 
 
-def _outcome(summary: CampaignSummary) -> str:
+def _outcome(summary: PostprocessingSummary) -> str:
     runs = "1 run" if summary.runs == 1 else f"{summary.runs} runs"
     if not summary.commands and summary.failures:
         text = runs

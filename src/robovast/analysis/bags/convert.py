@@ -16,7 +16,7 @@ from rosbags.serde import SerdeError
 
 from robovast.analysis.bags.definitions import DefinitionError
 from robovast.analysis.bags.files import read_bag, read_info
-from robovast.analysis.bags.job import Context, Worker
+from robovast.analysis.bags.job import Context, JobWorker
 from robovast.analysis.bags.jobs import start
 from robovast.analysis.bags.names import ends_with, undated
 from robovast.analysis.bags.rosout import ROSOUT
@@ -44,7 +44,7 @@ _UNDECODABLE = (
 
 
 @dataclass(frozen=True)
-class Output:
+class ConvertedFile:
     """A file that a job made."""
 
     path: Path
@@ -57,7 +57,7 @@ class Output:
 class Conversion:
     """The result of converting bags."""
 
-    outputs: list[Output] = field(default_factory=list)
+    outputs: list[ConvertedFile] = field(default_factory=list)
     remarks: dict[tuple[BagCommand | None, str], None] = field(default_factory=dict)
     """Missing or unreadable data; each remark with the job it concerns, or None."""
     failures: dict[BagCommand, str] = field(default_factory=dict)
@@ -237,7 +237,7 @@ class _Work:
             window=task.window,
             warn=lambda text: conversion.remarks.setdefault((task.job, text)),
         )
-        self._worker: Worker | None = None
+        self._worker: JobWorker | None = None
         try:
             self._worker = start(task.job, self.context)
         except RobovastError as error:
@@ -270,7 +270,7 @@ class _Work:
 
         return consume
 
-    def finish(self, bag: Path) -> list[Output]:
+    def finish(self, bag: Path) -> list[ConvertedFile]:
         """Complete the files and return them."""
         try:
             paths = self._worker.finish() if self._worker else []
@@ -280,7 +280,9 @@ class _Work:
             self._fail(error)
             return []
         source = self._task.source or bag
-        return [] if self._task.shared else [Output(p, source, self._task.job) for p in paths]
+        return (
+            [] if self._task.shared else [ConvertedFile(p, source, self._task.job) for p in paths]
+        )
 
     def discard(self) -> None:
         """Remove unfinished files."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 from robovast.analysis.bags.definitions import Definition, types_of, typestore_of
 from robovast.analysis.bags.flatten import Flatten, Shape, columns_of, compile_flatten
 from robovast.analysis.bags.source import Consumer, Topic, Warn
-from robovast.analysis.bags.table import Columns, Table, no_columns
+from robovast.analysis.bags.table import Columns, CsvTable, no_columns
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
@@ -42,10 +42,10 @@ class Context:
         leading: Sequence[str],
         columns: Columns = no_columns,
         title: Callable[[str], str] | None = None,
-    ) -> Table:
+    ) -> CsvTable:
         """A CSV file; see `Table`."""
         path = self.folder / name
-        return Table(path, leading, columns, title)
+        return CsvTable(path, leading, columns, title)
 
     def types(self, definition: Definition) -> Typesdict:
         """Fields of a message type and of all types it uses."""
@@ -66,7 +66,7 @@ class Context:
         return columns_of(topic.type, self.types(topic.definition), shape)
 
 
-class Worker(Protocol):
+class JobWorker(Protocol):
     """A job in progress on one bag."""
 
     def subscribe(self, topic: Topic) -> Consumer | None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from robovast.analysis.bags.actions import ActionWorker
 from robovast.analysis.bags.behaviors import BehaviorsWorker
-from robovast.analysis.bags.job import Context, Worker
+from robovast.analysis.bags.job import Context, JobWorker
 from robovast.analysis.bags.rosout import RosoutWorker
 from robovast.analysis.bags.tf import TfWorker
 from robovast.analysis.bags.topics import TopicsWorker
@@ -22,7 +22,7 @@ from robovast.model.document.commands import (
     TopicsToCsv,
 )
 
-WORKERS: dict[type[BagCommand], Callable[[Context, Any], Worker]] = {
+WORKERS: dict[type[BagCommand], Callable[[Context, Any], JobWorker]] = {
     TopicsToCsv: TopicsWorker,
     TfToCsv: TfWorker,
     BehaviorsToCsv: BehaviorsWorker,
@@ -32,7 +32,7 @@ WORKERS: dict[type[BagCommand], Callable[[Context, Any], Worker]] = {
 }
 
 
-def start(job: BagCommand, context: Context) -> Worker:
+def start(job: BagCommand, context: Context) -> JobWorker:
     """Create a worker for a bag.
 
     Raises:

@@ -23,7 +23,16 @@ import zstandard
 from mcap.opcode import Opcode
 
 from robovast.analysis.bags.definitions import Definition
-from robovast.analysis.bags.source import LATEST, NEVER, TOGETHER, Block, Faults, Read, Topic, Types
+from robovast.analysis.bags.source import (
+    LATEST,
+    NEVER,
+    TOGETHER,
+    Faults,
+    MessageBlock,
+    Read,
+    Topic,
+    Types,
+)
 from robovast.analysis.bags.zstd import decompressed
 from robovast.base.bounds import LARGEST, Bound
 
@@ -101,7 +110,7 @@ class McapFile:
             bound: what the scan may cost.
         """
         self.topics: dict[int, Topic] = {}
-        self.blocks: list[Block] = []
+        self.blocks: list[MessageBlock] = []
         self.faults = Faults()
         self.complete = True
         self.indexed_chunks = 0
@@ -125,12 +134,12 @@ class McapFile:
             definition = self._schemas.get(schema) or Definition(types.get(topic, "unknown"))
             self.topics[number] = Topic(topic, definition, encoding)
 
-    def messages(self, block: Block, channels: Collection[int]) -> list[Read]:
+    def messages(self, block: MessageBlock, channels: Collection[int]) -> list[Read]:
         """Messages of some channels in a block, as far as it can be read."""
         with self._open() as file:
             return self._messages(self._content(file, block), channels, block)
 
-    def times(self, block: Block) -> list[tuple[int, int]]:
+    def times(self, block: MessageBlock) -> list[tuple[int, int]]:
         """Channel and time [ns] of the messages in a block; its index is enough."""
         with self._open() as file:
             if not block.index:
@@ -210,14 +219,14 @@ class McapFile:
             _, _, channel, _, time = _HEAD.unpack_from(head)
             last = self.blocks[-1] if self.blocks else None
             if last is None or last.chunk or last.until != place or last.size > TOGETHER:
-                last = Block(place, after, 0, base=self._base)
+                last = MessageBlock(place, after, 0, base=self._base)
                 self.blocks.append(last)
             last.until, last.size = after, after - last.place
             last.add(channel + self._base, time)
         elif opcode == Opcode.CHUNK and len(head) >= _CHUNK_HEAD.size:
             _, _, start, end = _CHUNK_HEAD.unpack_from(head)
             start, end = min(start, LATEST), min(end, LATEST)
-            new = Block(place, after, after - place, start, end, chunk=True, base=self._base)
+            new = MessageBlock(place, after, after - place, start, end, chunk=True, base=self._base)
             self.blocks.append(new)
         elif opcode == Opcode.MESSAGE_INDEX and self.blocks and self.blocks[-1].chunk:
             self._index(self.blocks[-1], head, place, after)
@@ -246,7 +255,7 @@ class McapFile:
         elif opcode >= _APPLICATION and after - place >= _HEAD.size:
             self._foreign = self._foreign or place
 
-    def _index(self, chunk: Block, head: bytes, place: int, after: int) -> None:
+    def _index(self, chunk: MessageBlock, head: bytes, place: int, after: int) -> None:
         """Add the index of a channel's messages to the chunk in front of it."""
         if len(head) < _RECORD.size + _INDEX.size or place not in (chunk.until, chunk.index):
             self._doubt_index()  # other records lie between the indexes of its channels
@@ -326,7 +335,7 @@ class McapFile:
         except _WRONG as error:
             self._fault(f"has a channel that is skipped: {error}")
 
-    def _content(self, file: BinaryIO, block: Block) -> bytes:
+    def _content(self, file: BinaryIO, block: MessageBlock) -> bytes:
         """The records of a block; nothing if it cannot be read."""
         try:
             if block.size > LARGEST + _RECORD.size:
@@ -337,7 +346,9 @@ class McapFile:
             self._fault(f"is damaged: the part at byte {block.place} is skipped: {error}")
             return b""
 
-    def _messages(self, content: bytes, channels: Collection[int], block: Block) -> list[Read]:
+    def _messages(
+        self, content: bytes, channels: Collection[int], block: MessageBlock
+    ) -> list[Read]:
         found: list[Read] = []
         base, count = block.base, 0
         for opcode, begin, end in self._records(content, block):
@@ -354,7 +365,7 @@ class McapFile:
             )
         return found
 
-    def _records(self, content: bytes, block: Block) -> Iterator[tuple[int, int, int]]:
+    def _records(self, content: bytes, block: MessageBlock) -> Iterator[tuple[int, int, int]]:
         """Opcode, begin and end of each record in a block."""
         place, size, unpack = 0, len(content), _RECORD.unpack_from
         while place + _RECORD.size <= size:

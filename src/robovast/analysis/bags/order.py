@@ -10,7 +10,7 @@ from operator import itemgetter
 import zstandard
 
 from robovast.analysis.bags import zstd
-from robovast.analysis.bags.source import BagFile, Block, Read
+from robovast.analysis.bags.source import BagFile, MessageBlock, Read
 from robovast.base.bounds import LARGEST
 
 _MOST_HELD = 4 * LARGEST
@@ -84,7 +84,7 @@ def in_order(
             yield from _plain(files, rooms, earlier)
 
 
-def _messages(file: BagFile, block: Block, channels: Collection[int]) -> list[Read]:
+def _messages(file: BagFile, block: MessageBlock, channels: Collection[int]) -> list[Read]:
     """The messages of a block in order of time; adds faults if their times are odd."""
     recorded = file.messages(block, channels)
     found = sorted(recorded, key=itemgetter(0))

@@ -48,7 +48,7 @@ Types = Mapping[str, str]
 
 
 @dataclass(slots=True)
-class Block:
+class MessageBlock:
     """A part of a file that holds messages and is read at once."""
 
     place: int
@@ -100,13 +100,13 @@ class BagFile(Protocol):
 
     topics: dict[int, Topic]
     """By number of the channel."""
-    blocks: list[Block]
+    blocks: list[MessageBlock]
     faults: Faults
     complete: bool
     """False if the file has more than may be scanned."""
 
-    def messages(self, block: Block, channels: Collection[int]) -> list[Read]:
+    def messages(self, block: MessageBlock, channels: Collection[int]) -> list[Read]:
         """Messages of some channels in a block, in recording order."""
 
-    def times(self, block: Block) -> list[tuple[int, int]]:
+    def times(self, block: MessageBlock) -> list[tuple[int, int]]:
         """Channel and time [ns] of the messages in a block."""

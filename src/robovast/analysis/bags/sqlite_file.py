@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.analysis.bags.definitions import Definition
-from robovast.analysis.bags.source import TOGETHER, Block, Faults, Read, Topic, Types
+from robovast.analysis.bags.source import TOGETHER, Faults, MessageBlock, Read, Topic, Types
 from robovast.base.bounds import LARGEST, Bound
 from robovast.base.errors import InputError
 from robovast.base.sqlite_files import opened, require_tables, tables_of
@@ -39,7 +39,7 @@ class SqliteFile:
             bound: what the scan may cost.
         """
         self.topics: dict[int, Topic] = {}
-        self.blocks: list[Block] = []
+        self.blocks: list[MessageBlock] = []
         self.faults = Faults()
         self.complete = True
         self._path = path
@@ -55,7 +55,7 @@ class SqliteFile:
         except InputError as error:
             self.faults.add(str(error))
 
-    def messages(self, block: Block, channels: Collection[int]) -> list[Read]:
+    def messages(self, block: MessageBlock, channels: Collection[int]) -> list[Read]:
         """Messages of some topics in a block, in recording order."""
         wanted = [json.dumps(sorted(channels))]
         where = (
@@ -71,7 +71,7 @@ class SqliteFile:
             self.faults.add(str(error))
         return found
 
-    def times(self, block: Block) -> list[tuple[int, int]]:
+    def times(self, block: MessageBlock) -> list[tuple[int, int]]:
         """Topic and time [ns] of the messages in a block."""
         with opened(self._path) as database:
             rows = self._rows(database, "topic_id, timestamp", block)
@@ -85,7 +85,9 @@ class SqliteFile:
         odd, rows = 0, 0
         block = None
         columns = "topic_id, timestamp, typeof(data), length(data)"
-        for row, topic, time, kind, size in self._rows(database, columns, Block(-_LAST, _LAST, 0)):
+        for row, topic, time, kind, size in self._rows(
+            database, columns, MessageBlock(-_LAST, _LAST, 0)
+        ):
             if bound.reached():
                 self.faults.add(f"{self._path.name} has too many rows; the last rows are skipped")
                 self.complete = False
@@ -95,7 +97,7 @@ class SqliteFile:
                 odd += 1
                 continue
             if block is None or rows == _MOST_ROWS or block.size > TOGETHER:
-                block, rows = Block(row - 1, row, 0), 0
+                block, rows = MessageBlock(row - 1, row, 0), 0
                 self.blocks.append(block)
             block.until, block.size, rows = row, block.size + size, rows + 1
             block.add(topic, time)
@@ -108,7 +110,7 @@ class SqliteFile:
         self,
         database: sqlite3.Connection,
         columns: str,
-        block: Block,
+        block: MessageBlock,
         where: str = "",
         wanted: Collection[str] = (),
     ) -> Iterator[tuple[Any, ...]]:

@@ -34,7 +34,7 @@ def no_columns(_key: Key) -> list[list[str]]:
     return []
 
 
-class Table:
+class CsvTable:
     """A CSV file: leading columns, then the others sorted by name. Equal names get numbers.
 
     Every row has a key that determines its cells. Rows are written immediately; if their keys
@@ -172,7 +172,7 @@ class Table:
         return _getter([place.get(column, -1) for column in columns])
 
 
-def written(table: Table) -> list[Path]:
+def written(table: CsvTable) -> list[Path]:
     """The complete table's file; a table without rows is not written."""
     if table.is_empty:
         table.discard()

@@ -14,9 +14,14 @@ from enum import StrEnum
 from pathlib import Path
 
 from robovast.analysis.minimise.milder import passing_variants, reductions_of
-from robovast.analysis.minimise.record import Request, Step, read_request, write_path
+from robovast.analysis.minimise.record import (
+    MinimiseRequest,
+    MinimiseStep,
+    read_request,
+    write_path,
+)
 from robovast.analysis.minimise.shrinking import Parameters, shrink
-from robovast.analysis.minimise.trials import Judged, Outcome, judge
+from robovast.analysis.minimise.trials import Judged, TrialOutcome, judge
 from robovast.base.errors import InputError
 from robovast.base.sequential import SequentialTest
 from robovast.base.serialization import fingerprint
@@ -32,8 +37,8 @@ from robovast.execution.local.campaign import (
     stored_runs,
     write_job_links,
 )
-from robovast.execution.local.events import LocalOptions, Observer
-from robovast.execution.local.replay import StoredRun, begin_campaign, execute_again
+from robovast.execution.local.events import ExecutionObserver, LocalOptions
+from robovast.execution.local.replay import ExecutedRun, begin_campaign, execute_again
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained
 from robovast.execution.local.stored_inputs import read_inputs
@@ -58,23 +63,23 @@ class Minimised:
 
     campaign: Path
     """Folder of the new campaign."""
-    request: Request
-    steps: tuple[Step, ...]
+    request: MinimiseRequest
+    steps: tuple[MinimiseStep, ...]
     end: End
 
     @property
-    def best(self) -> Step | None:
+    def best(self) -> MinimiseStep | None:
         """The mildest one that still fails; None if nothing is decided yet."""
         return next((step for step in reversed(self.steps) if step.is_kept), None)
 
 
 def minimise_run(
-    run: StoredRun,
+    run: ExecutedRun,
     output: Path,
     test: SequentialTest,
     budget: int,
     options: LocalOptions,
-    observer: Observer,
+    observer: ExecutionObserver,
 ) -> Minimised:
     """Minimise a run that failed, in a new campaign's folder below `output`.
 
@@ -94,7 +99,7 @@ def minimise_run(
     _refuse_verdict(run)
     again = execute_again(run, options, observer.message)
     defaults = scenario_defaults(again.document.scenario)
-    request = Request(
+    request = MinimiseRequest(
         run=run.full_path,
         seed=run.record.seed,
         cause=run.record.reason,
@@ -114,7 +119,11 @@ def minimise_run(
 
 
 def continue_minimising(
-    run: StoredRun, campaign: Path, budget: int, options: LocalOptions, observer: Observer
+    run: ExecutedRun,
+    campaign: Path,
+    budget: int,
+    options: LocalOptions,
+    observer: ExecutionObserver,
 ) -> Minimised:
     """Continue what was interrupted or has used up its budget; see `minimise_run`.
 
@@ -133,7 +142,7 @@ def continue_minimising(
     return _minimise(session, request, budget, observer)
 
 
-def _refuse_other_steps(run: StoredRun, layout: Layout) -> None:
+def _refuse_other_steps(run: ExecutedRun, layout: Layout) -> None:
     """Refuse a folder whose configurations are not those that this module has made for a run."""
     read_inputs(layout, run.variant.name)
     own, (first, *others) = run.variant, read_variants(layout)
@@ -149,7 +158,7 @@ def _refuse_other_steps(run: StoredRun, layout: Layout) -> None:
         )
 
 
-def _refuse_verdict(run: StoredRun) -> None:
+def _refuse_verdict(run: ExecutedRun) -> None:
     verdict = run.record.verdict
     if verdict is Verdict.PASSED:
         raise InputError(
@@ -163,7 +172,7 @@ def _refuse_verdict(run: StoredRun) -> None:
         )
 
 
-def _passing(run: StoredRun) -> Sequence[Variant]:
+def _passing(run: ExecutedRun) -> Sequence[Variant]:
     return [v for v in passing_variants(run.layout) if v.name != run.variant.name]
 
 
@@ -174,7 +183,9 @@ class _EndedError(Exception):
         self.end = end
 
 
-def _minimise(session: Session, request: Request, budget: int, observer: Observer) -> Minimised:
+def _minimise(
+    session: Session, request: MinimiseRequest, budget: int, observer: ExecutionObserver
+) -> Minimised:
     with executing(session, observer) as told:
         way = _Way(session, request, budget, told)
         way.open()
@@ -193,13 +204,13 @@ class _Way:
     """The steps of a minimising, within `executing`."""
 
     session: Session
-    request: Request
+    request: MinimiseRequest
     budget: int
-    told: Observer
+    told: ExecutionObserver
     variants: list[Variant] = field(default_factory=list)
     records: dict[int, RunRecord] = field(default_factory=dict)
     """Of all runs that are stored, by id."""
-    steps: list[Step] = field(default_factory=list)
+    steps: list[MinimiseStep] = field(default_factory=list)
     _known: dict[str, Judged] = field(default_factory=dict)
     """By the parameters' fingerprint."""
 
@@ -238,10 +249,10 @@ class _Way:
             variant = self._variant(key, parameters)
             self._known[key] = judged = self._decide(variant)
             changes = self.request.changes(self.variants[0].parameters, parameters)
-            self.steps.append(Step(variant.name, changes, judged, parameters))
+            self.steps.append(MinimiseStep(variant.name, changes, judged, parameters))
             self.write(None)
             self.told.message(f"{self.steps[-1]}")
-        return self._known[key].outcome is Outcome.FAILS
+        return self._known[key].outcome is TrialOutcome.FAILS
 
     def write(self, end: End | None) -> None:
         """Record the way so far."""

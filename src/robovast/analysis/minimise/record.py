@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from robovast.analysis.minimise.shrinking import Items, Ladder, Parameters
-from robovast.analysis.minimise.trials import Judged, Outcome
+from robovast.analysis.minimise.trials import Judged, TrialOutcome
 from robovast.base.atomic import write_atomically
 from robovast.base.errors import InputError
 from robovast.base.safe_paths import read_file
@@ -22,7 +22,7 @@ RECORD = "minimise.json"
 
 
 @dataclass(frozen=True)
-class Request:
+class MinimiseRequest:
     """What is minimised, and how."""
 
     run: str
@@ -59,7 +59,7 @@ def shown(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Step:
+class MinimiseStep:
     """Parameters that were tried."""
 
     configuration: str
@@ -71,7 +71,7 @@ class Step:
     @property
     def is_kept(self) -> bool:
         """Whether they still fail."""
-        return self.judged.outcome is Outcome.FAILS
+        return self.judged.outcome is TrialOutcome.FAILS
 
     @property
     def example(self) -> str:
@@ -85,7 +85,7 @@ class Step:
 
 
 def write_path(
-    layout: Layout, request: Request, steps: Sequence[Step], end: str | None = None
+    layout: Layout, request: MinimiseRequest, steps: Sequence[MinimiseStep], end: str | None = None
 ) -> None:
     """Write the way so far."""
     test, best = request.test, next((step for step in reversed(steps) if step.is_kept), None)
@@ -150,7 +150,7 @@ class _Recorded(BaseModel):
     reductions: list[_Items | _Ladder]
 
 
-def read_request(layout: Layout) -> Request:
+def read_request(layout: Layout) -> MinimiseRequest:
     """What a campaign minimises.
 
     Raises:
@@ -171,4 +171,4 @@ def read_request(layout: Layout) -> Request:
         for r in found.reductions
     ]
     test = SequentialTest(**found.test.model_dump())
-    return Request(found.run, found.seed, found.cause, test, tuple(reductions))
+    return MinimiseRequest(found.run, found.seed, found.cause, test, tuple(reductions))

@@ -16,7 +16,7 @@ _ERRORED_RUNS = 2
 """Parameters whose first runs errored are given up: more runs would hardly have a verdict."""
 
 
-class Outcome(StrEnum):
+class TrialOutcome(StrEnum):
     """What the runs of some parameters show."""
 
     FAILS = "still fails"
@@ -32,7 +32,7 @@ class Outcome(StrEnum):
 class Judged:
     """The runs of some parameters so far."""
 
-    outcome: Outcome
+    outcome: TrialOutcome
     runs: int
     """Runs that the judgement is based on."""
     failed: int
@@ -60,22 +60,22 @@ def judge(test: SequentialTest, cause: str, records: Sequence[RunRecord]) -> Jud
     """
     first = [record.verdict for record in records[:_ERRORED_RUNS]]
     if first == [Verdict.ERRORED] * _ERRORED_RUNS:
-        return Judged(Outcome.ERRORED, len(first), 0, 0, records[0])
+        return Judged(TrialOutcome.ERRORED, len(first), 0, 0, records[0])
     decision = test.decide(_shows(record, cause) for record in records)
     counted = records[: decision.runs]
     alike = [record for record in counted if _shows(record, cause)]
     bad = [record for record in counted if record.verdict is not Verdict.PASSED]
     outcome = _OUTCOMES[decision.state]
-    if outcome is Outcome.FADES and len(bad) - len(alike) > len(counted) / 2:
-        outcome = Outcome.FAILS_OTHERWISE
+    if outcome is TrialOutcome.FADES and len(bad) - len(alike) > len(counted) / 2:
+        outcome = TrialOutcome.FAILS_OTHERWISE
     example = next(iter([*alike, *bad]), None)
     return Judged(outcome, decision.runs, len(alike), decision.further, example)
 
 
 _OUTCOMES = {
-    State.BROKEN: Outcome.FAILS,
-    State.SOUND: Outcome.FADES,
-    State.UNDECIDED: Outcome.UNDECIDED,
+    State.BROKEN: TrialOutcome.FAILS,
+    State.SOUND: TrialOutcome.FADES,
+    State.UNDECIDED: TrialOutcome.UNDECIDED,
 }
 
 

@@ -6,13 +6,17 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from robovast.analysis.postprocessing import records
-from robovast.analysis.postprocessing.commands import Command
+from robovast.analysis.postprocessing.commands import PostprocessingCommand
 from robovast.analysis.postprocessing.content import Files, changed, combined
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Observer
-from robovast.analysis.postprocessing.outcome import Outcome
+from robovast.analysis.postprocessing.events import (
+    Failure,
+    PostprocessingObserver,
+    PostprocessingSummary,
+)
+from robovast.analysis.postprocessing.outcome import CommandOutcome
 from robovast.analysis.postprocessing.plan import Step, plan, taken_back
 from robovast.analysis.postprocessing.run_step import request, work_on_run
-from robovast.analysis.postprocessing.state import State, Unit
+from robovast.analysis.postprocessing.state import TableState, Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.analysis.postprocessing.workers import Workers
 
@@ -22,7 +26,7 @@ _NOTICES = 10
 """Number of different messages that are shown per step."""
 
 
-def look(survey: Survey, state: State, runs: Iterable[str], *, force: bool) -> dict[str, Unit]:
+def look(survey: Survey, state: TableState, runs: Iterable[str], *, force: bool) -> dict[str, Unit]:
     """The current state of every unit, including `WHOLE`.
 
     Claims that no longer hold are withdrawn immediately.
@@ -55,7 +59,9 @@ def _spoilt(units: Mapping[str, Unit], known: Mapping[str, Unit]) -> bool:
     return any(old is not None and unit.made != old.made for unit, old in before)
 
 
-def per_run_keys(commands: Iterable[Command], survey: Survey, workers: Workers) -> set[str]:
+def per_run_keys(
+    commands: Iterable[PostprocessingCommand], survey: Survey, workers: Workers
+) -> set[str]:
     """Keys of the commands that are called for each run."""
     found = {command.key for command in commands if command.reads_bags}
     with workers.one() as worker:
@@ -71,14 +77,14 @@ class CampaignWork:
     """Executes the commands of one campaign."""
 
     survey: Survey
-    state: State
+    state: TableState
     workers: Workers
-    observer: Observer
-    summary: CampaignSummary
+    observer: PostprocessingObserver
+    summary: PostprocessingSummary
     units: dict[str, Unit]
     """Current state of all units, kept up to date."""
 
-    def work_off(self, commands: Sequence[Command]) -> None:
+    def work_off(self, commands: Sequence[PostprocessingCommand]) -> None:
         """Call all outdated commands.
 
         Raises:
@@ -98,7 +104,9 @@ class CampaignWork:
         self.units.update((unit.path, unit) for unit in listed)
         self.state.store(listed)
 
-    def _work_on_runs(self, step: Step, runs: Mapping[str, Sequence[Command]]) -> None:
+    def _work_on_runs(
+        self, step: Step, runs: Mapping[str, Sequence[PostprocessingCommand]]
+    ) -> None:
         self.observer.step_started(", ".join(c.title for c in step.commands), len(runs))
         self.summary.worked.update(runs)
         items = [(self.units[path], calls) for path, calls in runs.items()]
@@ -119,7 +127,7 @@ class CampaignWork:
             self._keep(finished)
         notices.tell(self.observer)
 
-    def _work_on_campaign(self, command: Command) -> None:
+    def _work_on_campaign(self, command: PostprocessingCommand) -> None:
         self.observer.step_started(command.title, 1)
         campaign = self.survey.campaign
         paths = [path for path in self.units if path != WHOLE]
@@ -149,7 +157,9 @@ class CampaignWork:
                 yield from (prefix + name for name in changed(files, after))
         self._keep(moved)
 
-    def _note(self, command: Command, run: str, outcome: Outcome, notices: Notices) -> None:
+    def _note(
+        self, command: PostprocessingCommand, run: str, outcome: CommandOutcome, notices: Notices
+    ) -> None:
         """Add a command's messages to the notices, or its failure to the summary."""
         if outcome.success:
             for line in outcome.message.splitlines():
@@ -171,7 +181,7 @@ class Notices:
         """Add a message about a run, or about the whole campaign (empty)."""
         self._runs.setdefault(text, []).append(run)
 
-    def tell(self, observer: Observer) -> None:
+    def tell(self, observer: PostprocessingObserver) -> None:
         """Show the most frequent messages."""
         ordered = sorted(self._runs.items(), key=lambda item: -len(item[1]))
         for text, runs in ordered[:_NOTICES]:

@@ -19,10 +19,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from robovast.analysis.postprocessing.guard import Guard
+from robovast.analysis.postprocessing.guard import WriteGuard
 from robovast.analysis.postprocessing.outcome import (
+    CommandOutcome,
     NonsenseError,
-    Outcome,
     read_entries,
     read_returned,
 )
@@ -43,12 +43,12 @@ def main() -> None:
     requests = os.fdopen(os.dup(0), encoding="utf-8")
     os.dup2(2, 1)  # keep plugins' output apart from the replies
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    guard = Guard()
+    guard = WriteGuard()
     guard.install()
     _answer(requests, replies, guard)
 
 
-def _answer(requests: TextIO, replies: TextIO, guard: Guard) -> None:
+def _answer(requests: TextIO, replies: TextIO, guard: WriteGuard) -> None:
     _say(replies, "ready")
     for line in requests:
         _say(replies, _reply(json.loads(line), guard))
@@ -59,7 +59,7 @@ def _say(replies: TextIO, value: Any) -> None:
     replies.flush()
 
 
-def _reply(request: Mapping[str, Any], guard: Guard) -> Any:
+def _reply(request: Mapping[str, Any], guard: WriteGuard) -> Any:
     if request["ask"] == "per_run":
         return is_per_run(request)
     if request["ask"] == "bags":
@@ -67,7 +67,7 @@ def _reply(request: Mapping[str, Any], guard: Guard) -> Any:
     return _with_remedy(call(request, guard), request["folder"]).plain()
 
 
-def _with_remedy(outcome: Outcome, folder: str) -> Outcome:
+def _with_remedy(outcome: CommandOutcome, folder: str) -> CommandOutcome:
     """Add a remedy to a failure that names a missing file next to the campaign's .vast file."""
     named = re.findall(rf"{re.escape(folder)}/([^\s'\":,;()]+)", outcome.message)
     missing = [name for name in named if not os.path.exists(Path(folder, name))]
@@ -89,7 +89,7 @@ def is_per_run(request: Mapping[str, Any]) -> bool:
         return False
 
 
-def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
+def call(request: Mapping[str, Any], guard: WriteGuard) -> CommandOutcome:
     """Call a plugin; all its errors become outcomes.
 
     Args:
@@ -100,19 +100,19 @@ def call(request: Mapping[str, Any], guard: Guard) -> Outcome:
     try:
         return _guarded(request, guard)
     except (RobovastError, NonsenseError) as error:
-        return Outcome(False, str(error))
+        return CommandOutcome(False, str(error))
     except SystemExit as error:
-        return Outcome(False, f"called `sys.exit({error.code!r})` instead of returning")
+        return CommandOutcome(False, f"called `sys.exit({error.code!r})` instead of returning")
     except Exception as error:
         traceback.print_exc()
         if guard.refused:
-            return Outcome(False, f"must not write {guard.refused}: {_OUTSIDE}")
-        return Outcome(False, f"raised {raised(error)}")
+            return CommandOutcome(False, f"must not write {guard.refused}: {_OUTSIDE}")
+        return CommandOutcome(False, f"raised {raised(error)}")
     finally:
         guard.allow_all()
 
 
-def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[CommandOutcome]:
     """Execute several bag commands in one pass over each bag of a run.
 
     Args:
@@ -121,14 +121,14 @@ def convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
     try:
         return _convert_bags(calls)
     except RobovastError as error:
-        return [Outcome(False, str(error)) for _ in calls]
+        return [CommandOutcome(False, str(error)) for _ in calls]
     except Exception as error:
         traceback.print_exc()
         text = f"raised {raised(error)}"
-        return [Outcome(False, text) for _ in calls]
+        return [CommandOutcome(False, text) for _ in calls]
 
 
-def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[CommandOutcome]:
     from robovast.analysis.bags.convert import convert_run
 
     run, campaign = Path(calls[0]["results_dir"]), Path(calls[0]["campaign"])
@@ -141,14 +141,14 @@ def _convert_bags(calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
         about: list[BagCommand | None] = [None, job] if number == 0 else [job]
         said = "" if call["quiet"] else "\n".join(t for of, t in done.remarks if of in about)
         failure = done.failures.get(job)
-        outcomes.append(Outcome(failure is None, failure or said))
+        outcomes.append(CommandOutcome(failure is None, failure or said))
     return [replace(outcomes[0], entries=entries), *outcomes[1:]]
 
 
 _OUTSIDE = "it is outside of the campaign; results belong below `results_dir`"
 
 
-def _guarded(request: Mapping[str, Any], guard: Guard) -> Outcome:
+def _guarded(request: Mapping[str, Any], guard: WriteGuard) -> CommandOutcome:
     campaign, results = Path(request["campaign"]), Path(request["results_dir"])
     plugin = _load(request)
     scratch = Path(request["scratch"])
@@ -161,8 +161,8 @@ def _guarded(request: Mapping[str, Any], guard: Guard) -> Outcome:
     outcome = read_returned(returned, request["name"], results, campaign)
     entries = _file_entries(provenance, request["name"], results, campaign)
     if guard.refused:
-        return Outcome(False, f"must not write {guard.refused}: {_OUTSIDE}")
-    return Outcome(outcome.success, outcome.message, outcome.entries + entries)
+        return CommandOutcome(False, f"must not write {guard.refused}: {_OUTSIDE}")
+    return CommandOutcome(outcome.success, outcome.message, outcome.entries + entries)
 
 
 def _load(request: Mapping[str, Any]) -> Any:

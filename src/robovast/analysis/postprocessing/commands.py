@@ -32,7 +32,7 @@ from robovast.model.document.source import Source
 
 
 @dataclass(frozen=True)
-class Command:
+class PostprocessingCommand:
     """A plugin with its parameters, as called in a .vast file."""
 
     name: str
@@ -93,7 +93,7 @@ def resolve(
     folder: Path,
     given: Mapping[str, Any] | None = None,
     quiet: Sequence[PluginCall] = (),
-) -> list[Command]:
+) -> list[PostprocessingCommand]:
     """Commands in execution order.
 
     Commands that read bags are grouped at the position of the first of them and do not depend on
@@ -106,14 +106,18 @@ def resolve(
         given: arguments besides the parameters.
         quiet: the calls that are implied, not in the document.
     """
-    commands: list[Command] = []
+    commands: list[PostprocessingCommand] = []
     for call in _ordered(calls):
         reads_bags = call.name in BAG_COMMANDS
         before = [c.key for c in commands if not (reads_bags and c.reads_bags)]
         key = _key(call, folder, before)
         if key not in {command.key for command in commands}:
             parameters = dict(call.parameters)
-            commands.append(Command(call.name, parameters, folder, key, given or {}, call in quiet))
+            commands.append(
+                PostprocessingCommand(
+                    call.name, parameters, folder, key, given or {}, call in quiet
+                )
+            )
     return commands
 
 

@@ -50,7 +50,7 @@ class Failure:
 
 
 @dataclass
-class CampaignSummary:
+class PostprocessingSummary:
     """Result of postprocessing one campaign."""
 
     campaign: Path
@@ -67,7 +67,7 @@ class CampaignSummary:
     interrupted: bool = False
 
 
-class Observer(Protocol):
+class PostprocessingObserver(Protocol):
     """Receives progress events."""
 
     def campaign_started(self, campaign: Path, runs: int) -> None:
@@ -85,5 +85,5 @@ class Observer(Protocol):
     def message(self, text: str) -> None:
         """A message for the user."""
 
-    def campaign_finished(self, summary: CampaignSummary) -> None:
+    def campaign_finished(self, summary: PostprocessingSummary) -> None:
         """Postprocessing of a campaign has ended."""

@@ -9,8 +9,13 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from robovast.analysis.postprocessing.content import combined, digests
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Observer, Options
-from robovast.analysis.postprocessing.state import State, Unit
+from robovast.analysis.postprocessing.events import (
+    Failure,
+    Options,
+    PostprocessingObserver,
+    PostprocessingSummary,
+)
+from robovast.analysis.postprocessing.state import TableState, Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE, Survey
 from robovast.base.errors import RobovastError
 from robovast.base.optional_deps import QUERY
@@ -35,11 +40,11 @@ class _Part:
 
 def finish(
     survey: Survey,
-    state: State,
+    state: TableState,
     units: Mapping[str, Unit],
     options: Options,
-    observer: Observer,
-    summary: CampaignSummary,
+    observer: PostprocessingObserver,
+    summary: PostprocessingSummary,
 ) -> None:
     """Write those results of a whole campaign that are out of date.
 
@@ -108,7 +113,9 @@ def _update_columnar(layout: Layout, runs: Mapping[str, str]) -> None:
     update_columnar(layout, runs)
 
 
-def _succeeded(part: _Part, observer: Observer, summary: CampaignSummary) -> bool:
+def _succeeded(
+    part: _Part, observer: PostprocessingObserver, summary: PostprocessingSummary
+) -> bool:
     try:
         part.write()
     except RobovastError as error:

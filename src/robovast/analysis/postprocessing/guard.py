@@ -27,7 +27,7 @@ _PATHS: dict[str, tuple[tuple[int, int], ...]] = {
 paths are relative to."""
 
 
-class Guard:
+class WriteGuard:
     """Restricts what the current plugin of this process may write."""
 
     def __init__(self) -> None:

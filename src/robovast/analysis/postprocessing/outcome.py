@@ -12,7 +12,7 @@ Entry = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CommandOutcome:
     """Result of one call of a command."""
 
     success: bool
@@ -28,7 +28,7 @@ class NonsenseError(ValueError):
     """A plugin returned an invalid value."""
 
 
-def read_returned(value: Any, plugin: str, base: Path, campaign: Path) -> Outcome:
+def read_returned(value: Any, plugin: str, base: Path, campaign: Path) -> CommandOutcome:
     """Validate a plugin's return value.
 
     Args:
@@ -46,7 +46,7 @@ def read_returned(value: Any, plugin: str, base: Path, campaign: Path) -> Outcom
             f"returned {_short(value)}, not `(success, message)` or `(success, message, entries)`"
         )
     entries = read_entries(parts[2] if len(parts) == 3 else [], plugin, base, campaign)
-    return Outcome(bool(parts[0]), parts[1].strip(), entries)
+    return CommandOutcome(bool(parts[0]), parts[1].strip(), entries)
 
 
 def read_entries(value: Any, plugin: str, base: Path, campaign: Path) -> list[Entry]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import groupby
 
-from robovast.analysis.postprocessing.commands import Command
+from robovast.analysis.postprocessing.commands import PostprocessingCommand
 from robovast.analysis.postprocessing.state import Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE
 
@@ -15,19 +15,21 @@ from robovast.analysis.postprocessing.survey import OWN, WHOLE
 class Step:
     """Commands that are called for each run, or one that is called for the whole campaign."""
 
-    commands: tuple[Command, ...]
-    runs: Mapping[str, tuple[Command, ...]] | None
+    commands: tuple[PostprocessingCommand, ...]
+    runs: Mapping[str, tuple[PostprocessingCommand, ...]] | None
     """Commands for each run; None for a command on the whole campaign."""
 
 
-def all_done(commands: Iterable[Command], units: Mapping[str, Unit]) -> bool:
+def all_done(commands: Iterable[PostprocessingCommand], units: Mapping[str, Unit]) -> bool:
     """Whether all commands are up to date, per run or for the whole campaign."""
     runs = [unit.done for path, unit in units.items() if path not in (OWN, WHOLE)]
     every = frozenset.intersection(*runs) if runs else frozenset()
     return {command.key for command in commands} <= every | units[WHOLE].done
 
 
-def plan(commands: Sequence[Command], per_run: Set[str], units: Mapping[str, Unit]) -> list[Step]:
+def plan(
+    commands: Sequence[PostprocessingCommand], per_run: Set[str], units: Mapping[str, Unit]
+) -> list[Step]:
     """The steps to execute, in order.
 
     Commands may read the output of preceding ones: after a call, all later commands are called, for
@@ -50,7 +52,9 @@ def plan(commands: Sequence[Command], per_run: Set[str], units: Mapping[str, Uni
     return steps
 
 
-def _on_runs(commands: tuple[Command, ...], units: Mapping[str, Unit], renewed: bool) -> list[Step]:
+def _on_runs(
+    commands: tuple[PostprocessingCommand, ...], units: Mapping[str, Unit], renewed: bool
+) -> list[Step]:
     runs = {
         path: calls
         for path, unit in units.items()
@@ -60,8 +64,10 @@ def _on_runs(commands: tuple[Command, ...], units: Mapping[str, Unit], renewed: 
     return [Step(tuple(c for c in commands if c.key in called), runs)] if runs else []
 
 
-def _stale(commands: Iterable[Command], done: Set[str], renewed: bool) -> tuple[Command, ...]:
-    calls: list[Command] = []
+def _stale(
+    commands: Iterable[PostprocessingCommand], done: Set[str], renewed: bool
+) -> tuple[PostprocessingCommand, ...]:
+    calls: list[PostprocessingCommand] = []
     for command in commands:
         before = (call for call in calls if not (call.reads_bags and command.reads_bags))
         follows = renewed or any(before)

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from robovast.analysis.postprocessing import records
-from robovast.analysis.postprocessing.commands import Command
+from robovast.analysis.postprocessing.commands import PostprocessingCommand
 from robovast.analysis.postprocessing.content import Files, changed
-from robovast.analysis.postprocessing.outcome import Entry, Outcome
+from robovast.analysis.postprocessing.outcome import CommandOutcome, Entry
 from robovast.analysis.postprocessing.state import Unit
 from robovast.analysis.postprocessing.survey import Survey
-from robovast.analysis.postprocessing.worker import Worker
+from robovast.analysis.postprocessing.worker import PluginWorker
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class RunWork:
 
     unit: Unit
     """Current state of the run."""
-    outcomes: list[tuple[Command, Outcome]]
+    outcomes: list[tuple[PostprocessingCommand, CommandOutcome]]
 
 
-def request(command: Command, campaign: Path, results: Path) -> dict[str, Any]:
+def request(command: PostprocessingCommand, campaign: Path, results: Path) -> dict[str, Any]:
     """The data that a worker needs to call a command."""
     return {
         "name": command.name,
@@ -39,7 +39,9 @@ def request(command: Command, campaign: Path, results: Path) -> dict[str, Any]:
     }
 
 
-def work_on_run(worker: Worker, survey: Survey, unit: Unit, commands: Sequence[Command]) -> RunWork:
+def work_on_run(
+    worker: PluginWorker, survey: Survey, unit: Unit, commands: Sequence[PostprocessingCommand]
+) -> RunWork:
     """Call commands for a run, one after the other; failures do not stop later commands.
 
     Raises:
@@ -65,8 +67,8 @@ def work_on_run(worker: Worker, survey: Survey, unit: Unit, commands: Sequence[C
 
 
 def _call(
-    worker: Worker, campaign: Path, folder: Path, commands: Sequence[Command]
-) -> list[Outcome]:
+    worker: PluginWorker, campaign: Path, folder: Path, commands: Sequence[PostprocessingCommand]
+) -> list[CommandOutcome]:
     calls = [request(command, campaign, folder) for command in commands]
     return worker.convert_bags(calls) if commands[0].reads_bags else [worker.call(calls[0])]
 
@@ -76,7 +78,7 @@ def _added(
     survey: Survey,
     before: Files,
     after: Files,
-    outcomes: Iterable[tuple[Command, Outcome]],
+    outcomes: Iterable[tuple[PostprocessingCommand, CommandOutcome]],
 ) -> RunWork:
     listed = list(outcomes)
     unit = survey.worked(work.unit, before, after)

@@ -13,14 +13,19 @@ from typing import IO, Any
 from robovast.analysis.postprocessing import records
 from robovast.analysis.postprocessing.campaign import CampaignWork, look
 from robovast.analysis.postprocessing.commands import (
-    Command,
+    PostprocessingCommand,
     read_calls,
     resolve,
     skipped,
     unfolded,
     why_not,
 )
-from robovast.analysis.postprocessing.events import CampaignSummary, Failure, Observer, Options
+from robovast.analysis.postprocessing.events import (
+    Failure,
+    Options,
+    PostprocessingObserver,
+    PostprocessingSummary,
+)
 from robovast.analysis.postprocessing.finish import finish
 from robovast.analysis.postprocessing.plan import all_done
 from robovast.analysis.postprocessing.state import opened
@@ -39,7 +44,9 @@ from robovast.model.quantities import machine_cpus
 LOG = "postprocessing.log"
 
 
-def postprocess(results: Path, options: Options, observer: Observer) -> list[CampaignSummary]:
+def postprocess(
+    results: Path, options: Options, observer: PostprocessingObserver
+) -> list[PostprocessingSummary]:
     """Call the outdated postprocessing commands of every campaign.
 
     Errors in one campaign are reported in its summary and do not stop the others.
@@ -57,7 +64,7 @@ def postprocess(results: Path, options: Options, observer: Observer) -> list[Cam
         read_calls(options.override)
     summaries = []
     for campaign in campaigns:
-        summary = CampaignSummary(campaign)
+        summary = PostprocessingSummary(campaign)
         summaries.append(summary)
         try:
             _postprocess(campaign, options, observer, summary)
@@ -73,7 +80,10 @@ def postprocess(results: Path, options: Options, observer: Observer) -> list[Cam
 
 
 def _postprocess(
-    campaign: Path, options: Options, observer: Observer, summary: CampaignSummary
+    campaign: Path,
+    options: Options,
+    observer: PostprocessingObserver,
+    summary: PostprocessingSummary,
 ) -> None:
     layout = Layout(campaign)
     document = summary.document = options.override or _document(layout)
@@ -93,10 +103,10 @@ def call_commands(
     campaign: Path,
     document: Path,
     calls: Sequence[PluginCall],
-    observer: Observer,
+    observer: PostprocessingObserver,
     *,
     tables: bool,
-) -> CampaignSummary:
+) -> PostprocessingSummary:
     """Call the outdated ones of these commands for a campaign that is still executed.
 
     Args:
@@ -106,7 +116,7 @@ def call_commands(
         observer: receives progress events.
         tables: also make the tables of queries.
     """
-    summary = CampaignSummary(campaign)
+    summary = PostprocessingSummary(campaign)
     layout, options = Layout(campaign), Options(skip_metadata=True, skip_tables=not tables)
     survey = Survey(campaign, document)
     usable = [call for call in unfolded(calls) if _Tell(observer, summary).can_be_called(call)]
@@ -118,10 +128,10 @@ def call_commands(
 def _work(
     survey: Survey,
     runs: Sequence[str],
-    commands: Sequence[Command],
+    commands: Sequence[PostprocessingCommand],
     options: Options,
-    observer: Observer,
-    summary: CampaignSummary,
+    observer: PostprocessingObserver,
+    summary: PostprocessingSummary,
 ) -> None:
     """Call outdated commands, then write what is made from all results."""
     layout = Layout(survey.campaign)
@@ -171,7 +181,7 @@ def _implied(
     options: Options,
     survey: Survey,
     runs: Sequence[str],
-    observer: Observer,
+    observer: PostprocessingObserver,
 ) -> list[PluginCall]:
     """The implied conversion of logs, which is done even if the document does not list it."""
     skips = options.skip_rosout or ROSOUT in options.skip
@@ -200,8 +210,8 @@ def _given(layout: Layout, options: Options) -> dict[str, Any]:
 class _Tell:
     """Reports once per command why it cannot be called."""
 
-    observer: Observer
-    summary: CampaignSummary
+    observer: PostprocessingObserver
+    summary: PostprocessingSummary
 
     def can_be_called(self, call: PluginCall) -> bool:
         """False if the command can never be called."""
@@ -224,7 +234,7 @@ def _log(layout: Layout, options: Options) -> Iterator[IO[bytes]]:
         yield file
 
 
-def _record(layout: Layout, commands: Sequence[Command], started_at: str) -> None:
+def _record(layout: Layout, commands: Sequence[PostprocessingCommand], started_at: str) -> None:
     """Record commands and times for the campaign's provenance."""
     layout.transient.mkdir(exist_ok=True)
     listed = [{"plugin": command.name, "params": command.parameters} for command in commands]

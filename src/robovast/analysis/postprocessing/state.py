@@ -41,7 +41,7 @@ class Unit:
         return replace(self, done=self.done - set(keys))
 
 
-class State:
+class TableState:
     """The stored rows of one campaign."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
@@ -81,7 +81,7 @@ class State:
 
 
 @contextmanager
-def opened(campaign: Path) -> Iterator[State]:
+def opened(campaign: Path) -> Iterator[TableState]:
     """Open the state of a campaign, for one process at a time.
 
     Raises:
@@ -97,7 +97,7 @@ def opened(campaign: Path) -> Iterator[State]:
                     hint="wait for its end",
                 )
             with contextlib.closing(_connect(folder / FILE)) as connection:
-                yield State(connection)
+                yield TableState(connection)
     except (OSError, sqlite3.Error) as error:
         raise StorageError(f"{campaign}: postprocessing cannot write: {error}.") from error
 

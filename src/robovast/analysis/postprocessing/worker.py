@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import IO, Any
 
-from robovast.analysis.postprocessing.outcome import Outcome
+from robovast.analysis.postprocessing.outcome import CommandOutcome
 
 TOOLS = Path(__file__).parent / "tools"
 """Folder of programs on the plugins' PATH, such as `docker_exec.sh`."""
@@ -30,7 +30,7 @@ class StoppedError(Exception):
     """The user asked to stop; work in progress is not finished."""
 
 
-class Worker:
+class PluginWorker:
     """A process that calls one plugin at a time; it is replaced if a plugin ends or blocks it."""
 
     def __init__(self, log: IO[bytes], time_limit: float, stopped: threading.Event) -> None:
@@ -41,7 +41,7 @@ class Worker:
         self._replies = -1
         self._scratch = TemporaryDirectory(prefix="robovast-postprocessing-")
 
-    def __enter__(self) -> Worker:
+    def __enter__(self) -> PluginWorker:
         return self
 
     def __exit__(
@@ -59,7 +59,7 @@ class Worker:
         reply = self._ask({**call, "ask": "per_run"})
         return reply is True
 
-    def call(self, call: Mapping[str, Any]) -> Outcome:
+    def call(self, call: Mapping[str, Any]) -> CommandOutcome:
         """Call a plugin; crashes and hangs also produce an outcome.
 
         Args:
@@ -69,9 +69,13 @@ class Worker:
             StoppedError: the user asked to stop meanwhile.
         """
         reply = self._ask({**call, "ask": "call", "scratch": self._scratch.name})
-        return Outcome(**reply) if isinstance(reply, dict) else Outcome(False, str(reply))
+        return (
+            CommandOutcome(**reply)
+            if isinstance(reply, dict)
+            else CommandOutcome(False, str(reply))
+        )
 
-    def convert_bags(self, calls: Sequence[Mapping[str, Any]]) -> list[Outcome]:
+    def convert_bags(self, calls: Sequence[Mapping[str, Any]]) -> list[CommandOutcome]:
         """Execute several bag commands in one pass; returns an outcome for each.
 
         Raises:
@@ -79,8 +83,8 @@ class Worker:
         """
         reply = self._ask({"ask": "bags", "calls": calls})
         if isinstance(reply, list):
-            return [Outcome(**outcome) for outcome in reply]
-        return [Outcome(False, str(reply)) for _ in calls]
+            return [CommandOutcome(**outcome) for outcome in reply]
+        return [CommandOutcome(False, str(reply)) for _ in calls]
 
     def close(self) -> None:
         """End the process and everything it started."""

@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from queue import SimpleQueue
 from typing import IO, TypeVar
 
-from robovast.analysis.postprocessing.worker import StoppedError, Worker
+from robovast.analysis.postprocessing.worker import PluginWorker, StoppedError
 from robovast.base.signals import call_on_signals
 
 ItemT = TypeVar("ItemT")
@@ -19,15 +19,15 @@ ResultT = TypeVar("ResultT")
 class Workers:
     """A fixed number of workers; each starts when it is first needed."""
 
-    def __init__(self, workers: Sequence[Worker], stopped: threading.Event) -> None:
+    def __init__(self, workers: Sequence[PluginWorker], stopped: threading.Event) -> None:
         self._count = len(workers)
         self._stopped = stopped
-        self._idle: SimpleQueue[Worker] = SimpleQueue()
+        self._idle: SimpleQueue[PluginWorker] = SimpleQueue()
         for worker in workers:
             self._idle.put(worker)
 
     @contextmanager
-    def one(self) -> Iterator[Worker]:
+    def one(self) -> Iterator[PluginWorker]:
         """A worker for exclusive use."""
         worker = self._idle.get()
         try:
@@ -36,7 +36,7 @@ class Workers:
             self._idle.put(worker)
 
     def map(
-        self, work: Callable[[Worker, ItemT], ResultT], items: Sequence[ItemT]
+        self, work: Callable[[PluginWorker, ItemT], ResultT], items: Sequence[ItemT]
     ) -> Iterator[ResultT]:
         """Results of `work` for each item, in order of completion.
 
@@ -77,7 +77,7 @@ def started(count: int, log: IO[bytes], time_limit: float) -> Iterator[Workers]:
     """
     stopped = threading.Event()
     with ExitStack() as stack:
-        workers = [Worker(log, time_limit, stopped) for _ in range(count)]
+        workers = [PluginWorker(log, time_limit, stopped) for _ in range(count)]
         for worker in workers:
             stack.enter_context(worker)
         stack.enter_context(call_on_signals(stopped.set))

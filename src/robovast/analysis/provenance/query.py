@@ -52,7 +52,7 @@ def _queries() -> dict[str, str]:
     return {f.name.removesuffix(".rq"): f.read_text("utf-8") for f in files if ".rq" in f.name}
 
 
-class Answer:
+class GraphAnswer:
     """Result of a query, for a single iteration: as rows, which are made on demand, or as CSV.
 
     A cell is text, a number, a boolean or None; IRIs are absolute.
@@ -117,7 +117,7 @@ class Graphs:
     def __len__(self) -> int:
         return len(self._store)
 
-    def ask(self, text: str) -> Answer:
+    def ask(self, text: str) -> GraphAnswer:
         """Answer a query; common prefixes need not be declared.
 
         Results of CONSTRUCT and DESCRIBE have the columns subject, predicate and object; results of
@@ -134,12 +134,12 @@ class Graphs:
                 cause += ": unexpected text, or something before it is missing"
             raise InputError(f"the query is wrong: {cause}.", hint=_advice(text)) from None
         if isinstance(result, self._engine.QueryBoolean):
-            return Answer(["answer"], [(bool(result),)])
+            return GraphAnswer(["answer"], [(bool(result),)])
         if isinstance(result, self._engine.QueryTriples):
-            return Answer(["subject", "predicate", "object"], result)
+            return GraphAnswer(["subject", "predicate", "object"], result)
         form = self._engine.QueryResultsFormat.CSV
         columns = [variable.value for variable in result.variables]
-        return Answer(columns, result, lambda: result.serialize(format=form))
+        return GraphAnswer(columns, result, lambda: result.serialize(format=form))
 
     def _load(self, file: Path) -> None:
         try:

@@ -22,7 +22,7 @@ from robovast.model.naming import campaign_time
 
 
 @dataclass(frozen=True)
-class Campaign:
+class PublicationCampaign:
     """A campaign to publish."""
 
     path: Path
@@ -51,7 +51,7 @@ def _refuse(path: Path) -> bool:
 class PublicationContext:
     """The campaigns to publish, and archives made by previous plugins."""
 
-    campaigns: tuple[Campaign, ...]
+    campaigns: tuple[PublicationCampaign, ...]
     files: tuple[Path, ...] = ()
     """Archives made by previous plugins."""
     confirm: Callable[[Path], bool] = _refuse
@@ -114,7 +114,7 @@ def context_of(results_dir: Path) -> PublicationContext:
     """A context of all campaigns in a results folder."""
     return PublicationContext(
         tuple(
-            Campaign(path, read_settings(snapshot(path)).metadata)
+            PublicationCampaign(path, read_settings(snapshot(path)).metadata)
             for path in find_campaigns(results_dir)
         )
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robovast.analysis.publication.context import (
-    Campaign,
+    PublicationCampaign,
     PublicationContext,
     Settings,
     read_settings,
@@ -29,11 +29,11 @@ class PublishOptions:
 
 
 @dataclass(frozen=True)
-class Batch:
+class PublicationBatch:
     """Campaigns that are published together."""
 
     settings: Settings
-    campaigns: tuple[Campaign, ...]
+    campaigns: tuple[PublicationCampaign, ...]
     plugins: tuple[PublicationPlugin, ...] = ()
     """The plugins, in order of execution."""
 
@@ -50,7 +50,7 @@ class Batch:
 
 def plan_publication(
     campaigns: Sequence[Path], override: Path | None, known: int, options: PublishOptions
-) -> list[Batch]:
+) -> list[PublicationBatch]:
     """Group campaigns with the same publication settings.
 
     Args:
@@ -63,12 +63,14 @@ def plan_publication(
         InputError: a .vast file, a plugin or its call is missing or invalid, or there is nothing to
             publish.
     """
-    batches: dict[str, Batch] = {}
+    batches: dict[str, PublicationBatch] = {}
     for path in campaigns:
         settings = read_settings(override or snapshot(path))
         key = fingerprint([call.model_dump() for call in settings.calls])
         before = batches[key].campaigns if key in batches else ()
-        batches[key] = Batch(settings, (*before, Campaign(path, settings.metadata)))
+        batches[key] = PublicationBatch(
+            settings, (*before, PublicationCampaign(path, settings.metadata))
+        )
     found = [batch for batch in batches.values() if batch.settings.calls]
     if not found:
         names = ", ".join(str(batch.settings.vast_file) for batch in batches.values())
@@ -80,7 +82,7 @@ def plan_publication(
 
 
 def publish(
-    batches: Iterable[Batch],
+    batches: Iterable[PublicationBatch],
     options: PublishOptions,
     context: PublicationContext,
     report: Callable[[str], None],
@@ -110,7 +112,9 @@ def publish(
             report(f"{plugin.name}: {message}")
 
 
-def _plugins(batch: Batch, known: int, options: PublishOptions) -> tuple[PublicationPlugin, ...]:
+def _plugins(
+    batch: PublicationBatch, known: int, options: PublishOptions
+) -> tuple[PublicationPlugin, ...]:
     folder = batch.settings.vast_file.absolute().parent
     plugins = [PublicationPlugin.load(call, folder) for call in batch.settings.calls]
     chosen = [item for item in plugins if not (options.skip_upload and item.kind == UPLOAD)]

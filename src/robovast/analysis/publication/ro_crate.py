@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 from urllib.parse import quote
 
-from robovast.analysis.publication.context import Campaign
+from robovast.analysis.publication.context import PublicationCampaign
 
 FILE_NAME = "ro-crate-metadata.json"
 
@@ -29,7 +29,7 @@ _FORMATS = {
 
 
 def ro_crate(
-    campaign: Campaign,
+    campaign: PublicationCampaign,
     metadata: Mapping[str, Any],
     execution: Mapping[str, Any],
     paths: Iterable[str],
@@ -112,7 +112,7 @@ def _execution(campaign: str, execution: Mapping[str, Any]) -> list[dict[str, An
     ]
 
 
-def _date(campaign: Campaign, execution: Mapping[str, Any]) -> str:
+def _date(campaign: PublicationCampaign, execution: Mapping[str, Any]) -> str:
     """When the results came to be: nothing in an archive depends on when it was packed."""
     if campaign.started:
         return campaign.started.date().isoformat()

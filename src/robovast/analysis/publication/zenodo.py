@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from robovast.analysis.publication.context import Campaign, PublicationContext
+from robovast.analysis.publication.context import PublicationCampaign, PublicationContext
 from robovast.base.atomic import write_atomically
 from robovast.base.environment import environment
 from robovast.base.errors import InputError, StorageError
@@ -200,7 +200,7 @@ def _files(context: PublicationContext) -> list[Path]:
     return list(context.files)
 
 
-def _metadata(campaigns: Sequence[Campaign], given: Mapping[str, Any]) -> dict[str, Any]:
+def _metadata(campaigns: Sequence[PublicationCampaign], given: Mapping[str, Any]) -> dict[str, Any]:
     """The record's metadata: the given fields, completed from the document."""
     names = ", ".join(campaign.name for campaign in campaigns)
     document = campaigns[-1].metadata if campaigns else {}

@@ -14,7 +14,11 @@ from filecmp import cmp
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from robovast.analysis.publication.context import Campaign, PublicationContext, context_of
+from robovast.analysis.publication.context import (
+    PublicationCampaign,
+    PublicationContext,
+    context_of,
+)
 from robovast.analysis.publication.ro_crate import FILE_NAME as RO_CRATE
 from robovast.analysis.publication.ro_crate import ro_crate
 from robovast.analysis.publication.selection import Filter, archive_path, files_of, link_target
@@ -130,9 +134,9 @@ zip_results = ZipArchives()
 
 
 def _targets(
-    campaigns: Sequence[Campaign], folder: Path, template: str | None
-) -> list[tuple[Campaign, Path]]:
-    found: dict[Path, Campaign] = {}
+    campaigns: Sequence[PublicationCampaign], folder: Path, template: str | None
+) -> list[tuple[PublicationCampaign, Path]]:
+    found: dict[Path, PublicationCampaign] = {}
     for campaign in campaigns:
         target = folder / _file_name(template, campaign)
         if target in found:
@@ -144,7 +148,7 @@ def _targets(
     return [(campaign, target) for target, campaign in found.items()]
 
 
-def _file_name(template: str | None, campaign: Campaign) -> str:
+def _file_name(template: str | None, campaign: PublicationCampaign) -> str:
     if template is None:
         return f"{campaign.name}.zip"
     values = {key: str(value) for key, value in campaign.metadata.items()}
@@ -167,7 +171,12 @@ def _file_name(template: str | None, campaign: Campaign) -> str:
 
 
 def _pack(
-    campaign: Campaign, target: Path, options: ZipOptions, context: PublicationContext, *, ask: bool
+    campaign: PublicationCampaign,
+    target: Path,
+    options: ZipOptions,
+    context: PublicationContext,
+    *,
+    ask: bool,
 ) -> str:
     """Write an archive; return its summary."""
     with appearing_file(target) as part:
@@ -186,7 +195,7 @@ def _pack(
 class _Archive:
     """One campaign's archive in progress."""
 
-    def __init__(self, campaign: Campaign, options: ZipOptions) -> None:
+    def __init__(self, campaign: PublicationCampaign, options: ZipOptions) -> None:
         self.count = 0
         self.remark = ""
         self._campaign = campaign

@@ -30,7 +30,7 @@ _LONGEST = 60
 
 
 @dataclass(frozen=True)
-class Compared:
+class OutputComparison:
     """How the outputs of an execution compare with those of another one."""
 
     same: tuple[str, ...]
@@ -39,7 +39,7 @@ class Compared:
     """Of each other output the first difference, for people."""
 
 
-def compare_outputs(before: Path, now: Path, outputs: Sequence[Output]) -> Compared:
+def compare_outputs(before: Path, now: Path, outputs: Sequence[Output]) -> OutputComparison:
     """Compare outputs in the folders of two runs.
 
     Files that postprocessing has made count on neither side.
@@ -67,7 +67,7 @@ def compare_outputs(before: Path, now: Path, outputs: Sequence[Output]) -> Compa
                 same.append(name)
             else:
                 differences.append(f"{name} {difference}")
-    return Compared(tuple(dict.fromkeys(same)), tuple(dict.fromkeys(differences)))
+    return OutputComparison(tuple(dict.fromkeys(same)), tuple(dict.fromkeys(differences)))
 
 
 def _matches(path: str, output: Output) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robovast.analysis.replay.outputs import ALL_TABLES, Compared, compare_outputs
+from robovast.analysis.replay.outputs import ALL_TABLES, OutputComparison, compare_outputs
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.campaign.verdict import Verdict
@@ -21,7 +21,7 @@ class Replayed:
     folder: Path
     verdict: Verdict
     reason: str
-    outputs: Compared
+    outputs: OutputComparison
     is_as_before: bool
     """Whether verdict and outputs are those of the run."""
     is_as_first: bool

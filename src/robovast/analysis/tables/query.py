@@ -23,7 +23,7 @@ from robovast.analysis.tables.query_errors import ONLY_READS, explained
 from robovast.analysis.tables.runs import FACTOR, PARAMETER
 from robovast.analysis.tables.spelling import plain
 from robovast.analysis.tables.staging import (
-    Column,
+    TableColumn,
     Types,
     joint_type,
     literal,
@@ -214,11 +214,11 @@ def _union(connection: DuckDBPyConnection, parts: Sequence[_Part], *, is_runs: b
     Each campaign chose the types of its columns for itself. Of parameters, which have types by
     themselves, `1` and `1.0` are one value.
     """
-    columns: dict[str, list[Column]] = {}
+    columns: dict[str, list[TableColumn]] = {}
     for part in parts:
         for name, type_ in part.types.items():
             columns.setdefault(folded(name), []).append(
-                Column(f"({part.select})", name, type_, name in part.plain)
+                TableColumn(f"({part.select})", name, type_, name in part.plain)
             )
     joint = {
         key: joint_type(

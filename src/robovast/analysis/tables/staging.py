@@ -29,7 +29,7 @@ Types = dict[str, str]
 """Columns in order, with their types."""
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """A column of a table."""
 
     source: str
@@ -304,8 +304,8 @@ def _widened(
             continue
         before = have[column]
         pair = (
-            Column(quoted(table), column, before, column in noted),
-            Column("staged", name, type_, name in plain),
+            TableColumn(quoted(table), column, before, column in noted),
+            TableColumn("staged", name, type_, name in plain),
         )
         found[name] = joint_type(connection, pair)
         is_plain = found[name] == "DOUBLE" and all(map(_is_plain, pair))
@@ -320,7 +320,7 @@ def _widened(
 
 
 def joint_type(
-    connection: DuckDBPyConnection, columns: Sequence[Column], *, spelt: bool = True
+    connection: DuckDBPyConnection, columns: Sequence[TableColumn], *, spelt: bool = True
 ) -> str:
     """The type that keeps different values of several columns different.
 
@@ -349,11 +349,11 @@ def joint_type(
     return joint
 
 
-def _is_plain(column: Column) -> bool:
+def _is_plain(column: TableColumn) -> bool:
     return column.plain or column.type in _WHOLE
 
 
-def _largest(connection: DuckDBPyConnection, column: Column) -> int | None:
+def _largest(connection: DuckDBPyConnection, column: TableColumn) -> int | None:
     """The largest absolute value of a column of whole numbers, 0 for others; None without value."""
     if column.type not in _WHOLE:
         return 0
@@ -364,7 +364,7 @@ def _largest(connection: DuckDBPyConnection, column: Column) -> int | None:
 
 
 def _share_wholes(
-    connection: DuckDBPyConnection, some: Sequence[Column], others: Sequence[Column]
+    connection: DuckDBPyConnection, some: Sequence[TableColumn], others: Sequence[TableColumn]
 ) -> bool:
     """Whether a whole number of some columns is one of others."""
     one, other = (

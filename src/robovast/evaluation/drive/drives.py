@@ -15,9 +15,9 @@ from robovast.base.errors import InputError
 from robovast.evaluation.drive.clock import Clock, make_clock
 from robovast.evaluation.drive.ground import Ground, recorded_ground
 from robovast.evaluation.drive.motion import UNDECODABLE, decoder, stamp_of
-from robovast.evaluation.drive.part import Part, PartReader, Source
+from robovast.evaluation.drive.part import DriveSource, Part, PartReader
 from robovast.evaluation.drive.pictures import Pictures, read_pictures
-from robovast.evaluation.drive.recording import Message, Recording
+from robovast.evaluation.drive.recording import RecordedMessage, Recording
 from robovast.evaluation.drive.roles import FIXED, TRANSFORMS, cast
 from robovast.evaluation.inside import resolved
 
@@ -63,12 +63,12 @@ class Drive:
         types = {name: topic.type for name, topic in recording.topics.items()}
         self._cast = cast(types, named)
         clock = _clock_of(recording, self._cast.topics.get("pose"))
-        fixed: Iterable[Message] = ()
+        fixed: Iterable[RecordedMessage] = ()
         transforms = self._cast.transforms
         if types.get(transforms + FIXED) == TRANSFORMS:
             fixed = recording.held([transforms + FIXED], recording.start, recording.end + 1)
         kept = list(islice(fixed, _MOST_FIXED))
-        self._source = Source(recording, clock, self._cast.topics, transforms, kept)
+        self._source = DriveSource(recording, clock, self._cast.topics, transforms, kept)
         self._bounds = _bounds(clock.end, recording.size(self._cast.topics.values()))
 
     def overview(self) -> Overview:
@@ -154,7 +154,7 @@ def _clock_of(recording: Recording, topic: str | None) -> Clock:
     return make_clock(recording.start, recording.end, recording.recorded(), sorted(stamps))
 
 
-def _stamps(messages: Sequence[Message]) -> list[tuple[int, int]]:
+def _stamps(messages: Sequence[RecordedMessage]) -> list[tuple[int, int]]:
     found = ((message.time, stamp_of(message.data)) for message in messages)
     return [(received, stamp) for received, stamp in found if stamp is not None]
 

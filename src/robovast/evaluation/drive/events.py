@@ -9,7 +9,7 @@ from typing import Any, Literal
 from robovast.analysis.bags.behaviors import TREE_TYPE
 from robovast.analysis.bags.behaviors import status_name as tree_status
 from robovast.evaluation.drive.motion import UNDECODABLE, Decoder, stamp_of
-from robovast.evaluation.drive.recording import Message
+from robovast.evaluation.drive.recording import RecordedMessage
 
 MOST_EVENTS = 500
 """Events of one part that are shown."""
@@ -41,7 +41,9 @@ class Changes:
     decode: Decoder
     damaged: int = 0
 
-    def events(self, before: Iterable[Message], messages: Iterable[Message]) -> Iterator[Event]:
+    def events(
+        self, before: Iterable[RecordedMessage], messages: Iterable[RecordedMessage]
+    ) -> Iterator[Event]:
         """Behaviours that changed their status.
 
         Args:
@@ -58,7 +60,7 @@ class Changes:
         for message in messages:
             yield from self._changed(message, last)
 
-    def _changed(self, message: Message, last: dict[bytes, int]) -> Iterator[Event]:
+    def _changed(self, message: RecordedMessage, last: dict[bytes, int]) -> Iterator[Event]:
         try:
             found = [
                 (bytes(one.own_id.uuid), int(one.status), str(one.name))
@@ -73,7 +75,7 @@ class Changes:
                 text = tree_status(status)
                 yield Event(message.time, None, "behavior", text.lower(), name[:_LONGEST], text)
 
-    def _logged(self, messages: Iterable[Message]) -> Iterator[Event]:
+    def _logged(self, messages: Iterable[RecordedMessage]) -> Iterator[Event]:
         for message in messages:
             try:
                 changes: list[Any] = self.decode(message).event_log
@@ -92,7 +94,7 @@ class Changes:
                 )
 
 
-def log_events(messages: Iterable[Message], decode: Decoder, level: int) -> Iterator[Event]:
+def log_events(messages: Iterable[RecordedMessage], decode: Decoder, level: int) -> Iterator[Event]:
     """Log messages from a level on; messages that cannot be decoded are left out."""
     for message in messages:
         try:

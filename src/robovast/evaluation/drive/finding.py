@@ -18,7 +18,7 @@ _KINDS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 
 
 @dataclass(frozen=True)
-class Named:
+class PlayerTopics:
     """The table `evaluation.player` of a document."""
 
     topics: Mapping[str, str] = field(default_factory=dict)
@@ -28,18 +28,18 @@ class Named:
     """Why the document cannot be read."""
 
 
-def read_named(target: Target) -> Named:
+def read_named(target: Target) -> PlayerTopics:
     """What a campaign's document names."""
     try:
         _, document = read_document(target, None)
     except RobovastError as error:
-        return Named(fault=f"The topics are guessed: {error}")
+        return PlayerTopics(fault=f"The topics are guessed: {error}")
     table = mapping(mapping(document.get("evaluation")).get("player"))
     topics = {key: value for key, value in table.items() if isinstance(value, str)}
-    return Named(topics, topics.pop("bag", ""))
+    return PlayerTopics(topics, topics.pop("bag", ""))
 
 
-def bag_of(results: Path, place: str, named: Named) -> str:
+def bag_of(results: Path, place: str, named: PlayerTopics) -> str:
     """The bag of a run that is played: the named one, or the likeliest.
 
     Args:

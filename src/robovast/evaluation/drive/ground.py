@@ -41,7 +41,7 @@ class Ground:
 
 
 @dataclass
-class Planned:
+class PlannedScene:
     """What a configuration was made with."""
 
     diameter: float | None = None
@@ -115,7 +115,7 @@ def _ground(
     return Ground(columns, rows, resolution, *origin, runs)
 
 
-def planned(record: Mapping[str, Any], parameters: Mapping[str, Any]) -> Planned:
+def planned(record: Mapping[str, Any], parameters: Mapping[str, Any]) -> PlannedScene:
     """What a configuration was made with; what is invalid is left out.
 
     Args:
@@ -123,7 +123,7 @@ def planned(record: Mapping[str, Any], parameters: Mapping[str, Any]) -> Planned
         parameters: its scenario parameters, which tell the shapes of obstacles.
     """
     goals = [pose for pose in map(_pose, _items(record.get("goals"))) if pose]
-    return Planned(
+    return PlannedScene(
         diameter=_number(record.get("robot_diameter")),
         start=_pose(record.get("start")),
         goals=goals,

@@ -10,7 +10,7 @@ from typing import Any
 
 from robovast.base.errors import InputError, RobovastError
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.drive.ground import Ground, Planned, planned, stored_ground
+from robovast.evaluation.drive.ground import Ground, PlannedScene, planned, stored_ground
 from robovast.evaluation.inside import resolved
 from robovast.evaluation.map_picture import (
     RECORD,
@@ -41,7 +41,7 @@ class ConfigurationMap:
     name: str
     ground: int | None
     """Index of its map; None if it has none."""
-    planned: Planned
+    planned: PlannedScene
     ways: list[tuple[int, list[Place]]]
     """Number and approximate way of each run that has a table of poses."""
 

@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from robovast.analysis.bags.definitions import DefinitionError, typestore_of
 from robovast.analysis.bags.source import Topic
 from robovast.analysis.bags.transforms import Poses, Transforms, TransformTree, euler
-from robovast.evaluation.drive.recording import Message
+from robovast.evaluation.drive.recording import RecordedMessage
 from robovast.evaluation.drive.roles import ESTIMATE, FIXED, ODOMETRY
 
 UNDECODABLE = (
@@ -41,7 +41,7 @@ BASES = ("base_link", "base_footprint", "base")
 _STAMP = {b"\0\1": Struct("<iI"), b"\0\0": Struct(">iI")}
 _REFERENCE = "map"
 
-Decoder = Callable[[Message], Any]
+Decoder = Callable[[RecordedMessage], Any]
 Floats = NDArray[np.float64]
 Moments = NDArray[np.int64]
 Mount = tuple[Floats, Floats]
@@ -81,7 +81,7 @@ class Frames:
     damaged: int = 0
     _mounts: dict[str, Mount | None] = field(default_factory=dict)
 
-    def add(self, messages: Iterable[Message]) -> None:
+    def add(self, messages: Iterable[RecordedMessage]) -> None:
         """Add messages with transforms."""
         for message in messages:
             try:
@@ -153,7 +153,9 @@ class Track:
     damaged: int = 0
 
 
-def track_of(kind: str, messages: Sequence[Message], decode: Decoder, frames: Frames) -> Track:
+def track_of(
+    kind: str, messages: Sequence[RecordedMessage], decode: Decoder, frames: Frames
+) -> Track:
     """The robot's poses, of messages of one of the types with a pose."""
     track = Track()
     rows: list[tuple[float, ...]] = []

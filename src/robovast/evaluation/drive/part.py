@@ -21,7 +21,7 @@ from robovast.evaluation.drive.motion import (
     track_of,
     track_of_frames,
 )
-from robovast.evaluation.drive.recording import Message, Recording
+from robovast.evaluation.drive.recording import RecordedMessage, Recording
 from robovast.evaluation.drive.roles import TRANSFORMS
 
 _RATES = {"pose": 30.0, "scan": 12.0, "plan": 2.0, "footprint": 2.0}
@@ -53,7 +53,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Source:
+class DriveSource:
     """Where the parts of a drive are read from."""
 
     recording: Recording
@@ -62,7 +62,7 @@ class Source:
     """Topics by role"""
     transforms: str
     """Topic of the transforms"""
-    fixed: list[Message]
+    fixed: list[RecordedMessage]
     """Transforms that hold all the time."""
 
     def has_transforms(self, topic: str) -> bool:
@@ -74,13 +74,13 @@ class Source:
 class PartReader:
     """Reads one part."""
 
-    def __init__(self, source: Source, start: int, end: int) -> None:
+    def __init__(self, source: DriveSource, start: int, end: int) -> None:
         """Prepare reading the messages that were received from `start` to before `end` [ns]."""
         self._source = source
         self._recording = source.recording
         self._start, self._end = start, end
         self._part = Part()
-        self._messages: dict[str, list[Message]] = {}
+        self._messages: dict[str, list[RecordedMessage]] = {}
 
     def read(self, *, scans: bool) -> Part:
         """The part, with what the laser saw or without."""
@@ -115,7 +115,7 @@ class PartReader:
                     last[topic] = place
             self._messages[topic].append(message)
 
-    def _place(self, message: Message) -> float:
+    def _place(self, message: RecordedMessage) -> float:
         return self._source.clock.at(message.time, stamp_of(message.data))
 
     def _frames(self) -> Frames:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from robovast.evaluation.drive.clock import Clock
 from robovast.evaluation.drive.motion import UNDECODABLE, Decoder, stamp_of
 from robovast.evaluation.drive.picture_size import size_of
-from robovast.evaluation.drive.recording import Message
+from robovast.evaluation.drive.recording import RecordedMessage
 
 _RATE = 10.0
 """How many are shown, at most [1/s]."""
@@ -33,7 +33,7 @@ class Pictures:
 
 
 def read_pictures(
-    topic: str, messages: Iterable[Message], decode: Decoder, clock: Clock
+    topic: str, messages: Iterable[RecordedMessage], decode: Decoder, clock: Clock
 ) -> Pictures:
     """The pictures of a topic's messages, no more of them than are shown."""
     found = Pictures()
@@ -70,7 +70,7 @@ def read_pictures(
     return found
 
 
-def _picture(decode: Decoder, message: Message) -> tuple[bytes, tuple[str, int, int]]:
+def _picture(decode: Decoder, message: RecordedMessage) -> tuple[bytes, tuple[str, int, int]]:
     """A message's picture, its media type, width and height.
 
     Raises:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from robovast.analysis.bags.files import COMPRESSED, PLAIN, read_info
 from robovast.analysis.bags.mcap_file import McapFile
 from robovast.analysis.bags.order import in_order
-from robovast.analysis.bags.source import BagFile, Block, Topic
+from robovast.analysis.bags.source import BagFile, MessageBlock, Topic
 from robovast.analysis.bags.sqlite_file import SqliteFile
 from robovast.base.bounds import LARGEST, Bound
 from robovast.base.errors import InputError
@@ -29,7 +29,7 @@ _MOST_HELD = 4 * LARGEST
 """What is held in memory of the messages of a part, decompressed [bytes]."""
 
 
-class Message(NamedTuple):
+class RecordedMessage(NamedTuple):
     """A message as it was recorded."""
 
     time: int
@@ -83,13 +83,13 @@ class Recording:
         """Bytes that are read for all messages of some topics."""
         return sum(block.size for block in self._with(topics))
 
-    def read(self, topics: Collection[str], start: int, end: int) -> Iterator[Message]:
+    def read(self, topics: Collection[str], start: int, end: int) -> Iterator[RecordedMessage]:
         """Messages of some topics from `start` to before `end` [ns], in order of time."""
         wanted = [_channels(file, topics) for file in self.files]
         for time, number, channel, data in in_order(self.files, wanted, start, end):
-            yield Message(time, self.files[number].topics[channel].name, data)
+            yield RecordedMessage(time, self.files[number].topics[channel].name, data)
 
-    def held(self, topics: Collection[str], start: int, end: int) -> Iterator[Message]:
+    def held(self, topics: Collection[str], start: int, end: int) -> Iterator[RecordedMessage]:
         """The same as `read`, for callers that hold all messages: no more than fit in memory."""
         left = _MOST_HELD
         for message in self.read(topics, start, end):
@@ -99,7 +99,7 @@ class Recording:
                 return
             yield message
 
-    def before(self, topic: str, time: int) -> list[Message]:
+    def before(self, topic: str, time: int) -> list[RecordedMessage]:
         """Messages of a topic shortly before a time [ns], in order; empty if there is none."""
         moments = [m for m in self.moments(topic) if m < time]
         if not moments:
@@ -120,7 +120,7 @@ class Recording:
             times += (time for _, time in file.times(block))
         return sorted(times)
 
-    def _with(self, topics: Collection[str]) -> Iterator[Block]:
+    def _with(self, topics: Collection[str]) -> Iterator[MessageBlock]:
         for file in self.files:
             wanted = _channels(file, topics)
             yield from (block for block in file.blocks if not wanted.isdisjoint(block.channels))

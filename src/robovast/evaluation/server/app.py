@@ -47,7 +47,7 @@ from robovast.evaluation.rates import why_wider
 from robovast.evaluation.run import read_run
 from robovast.evaluation.server.answers import Data, Picture, error, send_file
 from robovast.evaluation.server.drives import DrivePages
-from robovast.evaluation.server.guard import Guard
+from robovast.evaluation.server.guard import RequestGuard
 from robovast.evaluation.server.launches import LaunchPages
 from robovast.evaluation.server.live import events
 from robovast.evaluation.server.notebooks import NotebookPages
@@ -58,7 +58,7 @@ from robovast.evaluation.server.web_api import (
     Columns,
     Compared,
     Factors,
-    Metrics,
+    MetricColumns,
     MoreRuns,
     RunAnswer,
     RunResult,
@@ -121,7 +121,7 @@ def make_app(
             Exception: _own_fault,
         },
     )
-    return Guard(app, token)
+    return RequestGuard(app, token)
 
 
 def _api(
@@ -260,7 +260,7 @@ class Pages:
     def metrics(self, request: Request) -> Response:
         """Numeric columns of a campaign's tables, by table, and those with one value everywhere."""
         asked = (self._library.results, request.path_params["campaign"])
-        return Data(Metrics(metric_columns(*asked), constant_columns(*asked)))
+        return Data(MetricColumns(metric_columns(*asked), constant_columns(*asked)))
 
     def metric(self, request: Request) -> Response:
         """One number per run from `column` of `table`, by `aggregate`."""

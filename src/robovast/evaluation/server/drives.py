@@ -11,7 +11,7 @@ from starlette.responses import Response
 
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import ROS
-from robovast.evaluation.drive.finding import Named, bag_of, read_named
+from robovast.evaluation.drive.finding import PlayerTopics, bag_of, read_named
 from robovast.evaluation.library import Library
 from robovast.evaluation.map_picture import RECORD, entries
 from robovast.evaluation.notebooks.workloads import Target
@@ -107,10 +107,10 @@ class DrivePages:
         found = drive.pictures(request.path_params["part"])
         return Attached(found, found.content)
 
-    def _named(self, campaign: str) -> Named:
+    def _named(self, campaign: str) -> PlayerTopics:
         return read_named(Target(self._results, (campaign,)))
 
-    def _drive(self, place: str, named: Named) -> Drive:
+    def _drive(self, place: str, named: PlayerTopics) -> Drive:
         self._library.bring(place)
         bag = bag_of(self._results, place, named)
         return self._drives().drive(bag, named.topics)

@@ -51,7 +51,7 @@ HEADERS = {
 }
 
 
-class Guard:
+class RequestGuard:
     """Accepts requests of the page itself, below `/<token>/`, and strips that prefix."""
 
     def __init__(self, app: ASGIApp, token: str) -> None:

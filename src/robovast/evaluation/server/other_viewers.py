@@ -24,7 +24,7 @@ from starlette.types import ASGIApp
 
 from robovast.base.signals import unwound_by_signals
 from robovast.evaluation.server.answers import send_file
-from robovast.evaluation.server.guard import LOOPBACK, Guard
+from robovast.evaluation.server.guard import LOOPBACK, RequestGuard
 from robovast.evaluation.server.rerun import RECORDING, Viewer, viewer
 from robovast.evaluation.server.serve import serve_app
 
@@ -131,7 +131,7 @@ def _rerun_app(viewer: Viewer) -> Callable[[str], ASGIApp]:
         return Response(content, headers=headers, media_type=_TYPES.get(Path(name).suffix))
 
     app = Starlette(routes=[Route(f"/{RECORDING}", recording), Route("/{name:path}", page)])
-    return lambda token: Guard(app, token)
+    return lambda token: RequestGuard(app, token)
 
 
 def _file_app(path: Path, name: str) -> Callable[[str], ASGIApp]:

@@ -63,7 +63,7 @@ class Factors(Explained):
 
 
 @dataclass(frozen=True)
-class Metrics:
+class MetricColumns:
     """Columns with numbers, by table."""
 
     columns: dict[str, list[str]]
@@ -121,7 +121,7 @@ ANSWERS = (
     About,
     Change,
     Factors,
-    Metrics,
+    MetricColumns,
     RunAnswer,
     MoreRuns,
     Compared,

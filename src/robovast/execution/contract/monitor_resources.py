@@ -35,7 +35,7 @@ TICKS = os.sysconf("SC_CLK_TCK")
 PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
-class Process:
+class ProcessStat:
     """One line of /proc/PID/stat."""
 
     __slots__ = ("began", "cpu", "is_over", "name", "pid", "rss")
@@ -87,19 +87,19 @@ def children(pid: int) -> list[int]:
     return found
 
 
-def processes(pids: Iterable[int]) -> list[Process]:
+def processes(pids: Iterable[int]) -> list[ProcessStat]:
     """Return the processes; one that ends meanwhile is left out."""
     found = []
     for pid in pids:
         try:
             with open(f"/proc/{pid}/stat", "rb") as file:
-                found.append(Process(file.read().decode("utf-8", "replace")))
+                found.append(ProcessStat(file.read().decode("utf-8", "replace")))
         except (FileNotFoundError, ProcessLookupError):
             pass
     return found
 
 
-def row(process: Process, now: float, uptime: float, last: Usage | None) -> str:
+def row(process: ProcessStat, now: float, uptime: float, last: Usage | None) -> str:
     """Return the CSV line of a process; `last` is its (cpu, uptime) in the sample before."""
     cpu, since = last or (0.0, process.began)
     percent = 100.0 * (process.cpu - cpu) / max(uptime - since, 1.0 / TICKS)

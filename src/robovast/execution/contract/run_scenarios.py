@@ -186,7 +186,7 @@ def parse_one_by_one(execution: Any) -> None:
     execution.scenarios_list = scenarios
 
 
-class Pack:
+class PatchedScenarioExecution:
     """Methods that take the place of those of ScenarioExecution, whose instance `self` is."""
 
     def parse(self: Any) -> bool:
@@ -389,9 +389,9 @@ def take_over() -> None:
         if found != parameters:
             raise TypeError(f"{name}({', '.join(found)}), not {name}({', '.join(parameters)})")
     for name in EXPECTED:
-        if hasattr(Pack, name):
+        if hasattr(PatchedScenarioExecution, name):
             setattr(original, name, getattr(base, name))
-            setattr(base, name, getattr(Pack, name))
+            setattr(base, name, getattr(PatchedScenarioExecution, name))
 
 
 original = types.SimpleNamespace()

@@ -27,7 +27,7 @@ from robovast.execution.local.campaign import execute_campaign, execute_planned,
 from robovast.execution.local.choose import choose_runtime, trusted_code
 from robovast.execution.local.continuing import continued_session
 from robovast.execution.local.edited_inputs import record_inputs
-from robovast.execution.local.events import LocalOptions, Observer, Summary
+from robovast.execution.local.events import ExecutionObserver, ExecutionSummary, LocalOptions
 from robovast.execution.local.limits import check_limits
 from robovast.execution.local.prepare import open_shell, prepare_run
 from robovast.execution.local.replay import replay_run
@@ -40,9 +40,9 @@ from robovast.model.packs import PlanSpec
 from robovast.model.plan import plan_runs, plan_variants
 
 __all__ = [
+    "ExecutionObserver",
+    "ExecutionSummary",
     "LocalOptions",
-    "Observer",
-    "Summary",
     "open_shell",
     "prepare_run",
     "replay_run",
@@ -52,8 +52,8 @@ __all__ = [
 
 
 def run_campaign(
-    document: Document, output: Path, options: LocalOptions, observer: Observer
-) -> Summary:
+    document: Document, output: Path, options: LocalOptions, observer: ExecutionObserver
+) -> ExecutionSummary:
     """Execute a new campaign in a new subfolder of `output`.
 
     Raises:
@@ -93,7 +93,9 @@ def run_campaign(
     return execute_campaign(session, plan, plan_runs(plan, variants, seed), observer, test)
 
 
-def resume_campaign(campaign: Path, options: LocalOptions, observer: Observer) -> Summary:
+def resume_campaign(
+    campaign: Path, options: LocalOptions, observer: ExecutionObserver
+) -> ExecutionSummary:
     """Execute the remaining runs of a campaign; runs with a finished record are not repeated.
 
     Raises:

@@ -23,7 +23,7 @@ from robovast.execution.generate import copy_file
 from robovast.execution.local.choose import trusted_code
 from robovast.execution.local.controller_log import logged
 from robovast.execution.local.edited_inputs import told_edited
-from robovast.execution.local.events import Observer, Summary
+from robovast.execution.local.events import ExecutionObserver, ExecutionSummary
 from robovast.execution.local.measured_queue import MeasuredQueue
 from robovast.execution.local.pack_execution import PackExecution
 from robovast.execution.local.pack_queue import (
@@ -38,7 +38,7 @@ from robovast.execution.local.session import COMMON, Session
 from robovast.execution.local.store import explained, finished_runs, first_free_job
 from robovast.execution.local.stored_inputs import refuse_links
 from robovast.model.inputs import container_files
-from robovast.model.packing import Sample
+from robovast.model.packing import PackSample
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run
 
@@ -47,9 +47,9 @@ def execute_campaign(
     session: Session,
     plan: PlanSpec,
     runs: Sequence[Run],
-    observer: Observer,
+    observer: ExecutionObserver,
     test: SequentialTest | None = None,
-) -> Summary:
+) -> ExecutionSummary:
     """Execute all these runs of a plan that have no finished record yet.
 
     Args:
@@ -70,9 +70,9 @@ def execute_planned(
     session: Session,
     plan: PlanSpec,
     runs: Sequence[Run],
-    observer: Observer,
+    observer: ExecutionObserver,
     test: SequentialTest | None = None,
-) -> Summary:
+) -> ExecutionSummary:
     """The same within `executing`."""
     done = stored_runs(session, runs, observer)
     observer.campaign_started(session.layout.root, len(runs), len(done), how(session, len(runs)))
@@ -80,11 +80,11 @@ def execute_planned(
     write_job_links(session.layout, records)
     found = [records[run.id] for run in runs if run.id in records]
     decided = decisions_of(test, runs, records) if test is not None else []
-    return Summary(session.layout.root, len(runs), found, interrupted, decided)
+    return ExecutionSummary(session.layout.root, len(runs), found, interrupted, decided)
 
 
 @contextmanager
-def executing(session: Session, observer: Observer) -> Iterator[Observer]:
+def executing(session: Session, observer: ExecutionObserver) -> Iterator[ExecutionObserver]:
     """Have a campaign for this program alone, with its log and its common inputs.
 
     Raises:
@@ -115,7 +115,9 @@ def executing(session: Session, observer: Observer) -> Iterator[Observer]:
         yield told
 
 
-def stored_runs(session: Session, runs: Sequence[Run], observer: Observer) -> dict[int, RunRecord]:
+def stored_runs(
+    session: Session, runs: Sequence[Run], observer: ExecutionObserver
+) -> dict[int, RunRecord]:
     """Records of the runs that need not be executed again, by id."""
     with explained(session.layout.root):
         return finished_runs(session, runs, observer.message)
@@ -131,7 +133,7 @@ def execute_runs(
     plan: PlanSpec,
     runs: Sequence[Run],
     done: dict[int, RunRecord],
-    observer: Observer,
+    observer: ExecutionObserver,
     test: SequentialTest | None = None,
 ) -> tuple[dict[int, RunRecord], bool]:
     """Execute the runs of a plan that are not done and that a test needs, within `executing`.
@@ -182,7 +184,7 @@ class CampaignExecution:
         self,
         session: Session,
         packs: PackQueue,
-        observer: Observer,
+        observer: ExecutionObserver,
         done: dict[int, RunRecord],
     ) -> None:
         self.records = dict(done)
@@ -260,7 +262,7 @@ class CampaignExecution:
                 self._failure = self._failure or error
                 self._stop.set()
                 return
-            self._packs.measured(Sample(len(took), sum(took), time.monotonic() - began))
+            self._packs.measured(PackSample(len(took), sum(took), time.monotonic() - began))
             if left and not self._stop.is_set():
                 self._packs.put_back(left)
 

@@ -19,7 +19,7 @@ from robovast.execution.contract import CONFIG, OUT
 from robovast.execution.local import process_tree
 from robovast.execution.local.docker_compose import MAIN, compose_model, run_options
 from robovast.execution.local.events import LocalOptions
-from robovast.execution.local.runtime import Identity, StartSpec
+from robovast.execution.local.runtime import RuntimeIdentity, StartSpec
 
 X11_SOCKETS = Path("/tmp/.X11-unix")  # noqa: S108  # where X servers listen
 LABEL = "robovast.job"
@@ -41,7 +41,7 @@ class ContainerRuntime:
         self._message = message
         self._started: dict[str, subprocess.Popen[bytes]] = {}
 
-    def check(self) -> Identity:
+    def check(self) -> RuntimeIdentity:
         """Check the engine, pull the image if necessary, and check its compatibility."""
         check_engine(self.name, "use `--runtime process`")
         _ = self._compose
@@ -52,7 +52,7 @@ class ContainerRuntime:
             raise CannotRunError(f"{self._image} cannot be started: {result.last_error}")
         check_compat(self._image, result.output.strip() if result.ok else None)
         digest = image_digest(self.name, self._image)
-        return Identity(self._image, digest, content=digest)
+        return RuntimeIdentity(self._image, digest, content=digest)
 
     def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the job's containers; the process ends with the main container's exit code."""

@@ -8,14 +8,14 @@ from robovast.base.yaml_files import read_mapping
 from robovast.campaign.imported import is_imported
 from robovast.campaign.layout import Layout
 from robovast.execution.local.choose import CONTAINER, choose_runtime
-from robovast.execution.local.events import LocalOptions, Observer
+from robovast.execution.local.events import ExecutionObserver, LocalOptions
 from robovast.execution.local.process_environment import IMAGE, environment_as_then
 from robovast.execution.local.session import Session
 from robovast.model.document import Document
 
 
 def continued_session(
-    document: Document, layout: Layout, options: LocalOptions, observer: Observer
+    document: Document, layout: Layout, options: LocalOptions, observer: ExecutionObserver
 ) -> Session:
     """A session with what has executed the campaign so far, unless something else is chosen.
 

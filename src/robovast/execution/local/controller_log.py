@@ -12,7 +12,7 @@ from robovast.base.printable import PrintableFormatter
 from robovast.campaign.decisions import told
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord
-from robovast.execution.local.events import Observer
+from robovast.execution.local.events import ExecutionObserver
 from robovast.execution.local.pack_queue import Decided
 from robovast.execution.local.store import explained
 from robovast.model.plan import Run
@@ -24,7 +24,7 @@ _log.propagate = False  # users see the observer's messages instead
 
 
 @contextmanager
-def logged(layout: Layout, observer: Observer) -> Iterator[Observer]:
+def logged(layout: Layout, observer: ExecutionObserver) -> Iterator[ExecutionObserver]:
     """Wrap an observer so that all events are also written to a campaign's log.
 
     Warnings of the whole library are written to that log, too.
@@ -50,7 +50,7 @@ def logged(layout: Layout, observer: Observer) -> Iterator[Observer]:
 
 @dataclass(frozen=True)
 class _Logged:
-    observer: Observer
+    observer: ExecutionObserver
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
         """Log the campaign."""

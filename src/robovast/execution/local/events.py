@@ -13,7 +13,7 @@ from robovast.model.expansion import Selection
 from robovast.model.plan import Run
 
 
-class Observer(Protocol):
+class ExecutionObserver(Protocol):
     """Receives events one at a time, in the thread that started the campaign."""
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
@@ -74,7 +74,7 @@ class LocalOptions:
 
 
 @dataclass(frozen=True)
-class Summary:
+class ExecutionSummary:
     """Result of a campaign."""
 
     campaign: Path

@@ -16,7 +16,7 @@ from robovast.execution.local.campaign import (
     stored_runs,
     write_job_links,
 )
-from robovast.execution.local.events import Observer
+from robovast.execution.local.events import ExecutionObserver
 from robovast.execution.local.pack_queue import GrowingQueue
 from robovast.execution.local.reuse import reused_runs
 from robovast.execution.local.session import Session
@@ -33,7 +33,7 @@ class GrowingCampaign(GrowingPlan):
     """A campaign under way, within `executing`."""
 
     session: Session
-    observer: Observer
+    observer: ExecutionObserver
     seed: int | None
     """The campaign's."""
     records: dict[int, RunRecord] = field(default_factory=dict)

@@ -42,7 +42,7 @@ DEVICES = ("null", "zero", "full", "random", "urandom", "tty")
 libc = ctypes.CDLL(None, use_errno=True)
 
 
-class View:
+class FileSystemView:
     """The program's file system, built below a folder."""
 
     def __init__(self, root: str) -> None:
@@ -158,7 +158,7 @@ def main() -> None:
     """Build the view, enter it, execute the program."""
     words: Iterator[str] = iter(sys.argv[2:])
     try:
-        view = View(sys.argv[1])
+        view = FileSystemView(sys.argv[1])
         for option in iter(words.__next__, "--"):
             count, function = view.options[option]
             function(*(next(words) for _ in range(count)))

@@ -8,7 +8,7 @@ from threading import Lock
 
 from robovast.campaign.verdict import Verdict
 from robovast.execution.local.pack_queue import PackQueue
-from robovast.model.packing import Sample, next_packs, pace_of
+from robovast.model.packing import PackSample, next_packs, pace_of
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run
 
@@ -24,7 +24,7 @@ class MeasuredQueue(PackQueue):
         self._last = 0
         self._planned = 0
         """How many of the next runs are in packs of the same size as the last one."""
-        self._samples: list[Sample] = []
+        self._samples: list[PackSample] = []
         self._lock = Lock()
 
     def take(self) -> PackStart | None:
@@ -58,7 +58,7 @@ class MeasuredQueue(PackQueue):
         """Decide nothing."""
         del run, verdict
 
-    def measured(self, sample: Sample) -> None:
+    def measured(self, sample: PackSample) -> None:
         """Take note of how long a pack took."""
         with self._lock:
             self._samples.append(sample)

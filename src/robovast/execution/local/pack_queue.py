@@ -12,7 +12,7 @@ from robovast.base.sequential import Decision, SequentialTest
 from robovast.campaign.decisions import decide, runs_to_start
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
-from robovast.model.packing import Sample
+from robovast.model.packing import PackSample
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run, pack_runs
 
@@ -39,7 +39,7 @@ class PackQueue(Protocol):
     def ended(self, run: Run, verdict: Verdict) -> Decided | None:
         """Take note of a run's verdict; returns the decision that it brings about."""
 
-    def measured(self, sample: Sample) -> None:
+    def measured(self, sample: PackSample) -> None:
         """Take note of how long a pack took; where that decides nothing, nothing is done."""
         del sample
 

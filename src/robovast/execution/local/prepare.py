@@ -24,7 +24,7 @@ from robovast.execution.local.container_runtime import X11_SOCKETS, ContainerRun
 from robovast.execution.local.docker_compose import MAIN, compose_model
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.limits import check_limits
-from robovast.execution.local.runtime import Identity
+from robovast.execution.local.runtime import RuntimeIdentity
 from robovast.execution.local.session import Session
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document
@@ -109,7 +109,7 @@ def _write_jobs(
         copy_file(script, common / script.name)
     image = resolve_image(document, options) or ""
     runtime = ContainerRuntime("docker", image, options, _silent)
-    session = Session(document, Layout(output), options, runtime, Identity(image, ""))
+    session = Session(document, Layout(output), options, runtime, RuntimeIdentity(image, ""))
     for job in jobs:
         folder = output / "jobs" / job.name
         build_config_folder(folder / "config", common, job, session.scenario)

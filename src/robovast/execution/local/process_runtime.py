@@ -21,7 +21,7 @@ from robovast.execution.local.process_environment import (
     cache_folder,
     process_environment,
 )
-from robovast.execution.local.runtime import Identity, StartSpec
+from robovast.execution.local.runtime import RuntimeIdentity, StartSpec
 from robovast.execution.local.sandbox import Sandbox, find_sandbox
 
 _INHERITED = ("HOME", "LANG", "LC_ALL", "LOGNAME", "TMPDIR", "TZ", "USER")
@@ -44,13 +44,13 @@ class ProcessRuntime:
         self._sandbox: Sandbox | None = None
         self._secondaries: dict[str, list[subprocess.Popen[bytes]]] = {}
 
-    def check(self) -> Identity:
+    def check(self) -> RuntimeIdentity:
         """Check that the environment exists and has our version of the contract."""
         folder = process_environment(self._message, self._chosen)
         check_compat(str(folder), _read_version(folder))
         self._environment = folder
         self._isolate(folder)
-        return Identity(image=f"{IMAGE}{folder.name}", digest="", content=_content(folder))
+        return RuntimeIdentity(image=f"{IMAGE}{folder.name}", digest="", content=_content(folder))
 
     def start(self, spec: StartSpec, console: Path) -> subprocess.Popen[bytes]:
         """Start the main entrypoint, and one for each secondary container."""

@@ -27,9 +27,9 @@ from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.generate import write_execution
 from robovast.execution.local.campaign import execute_campaign
 from robovast.execution.local.choose import CONTAINER, choose_runtime, trusted_code
-from robovast.execution.local.events import LocalOptions, Observer, Summary
+from robovast.execution.local.events import ExecutionObserver, ExecutionSummary, LocalOptions
 from robovast.execution.local.process_environment import environment_as_then
-from robovast.execution.local.runtime import Identity, Runtime
+from robovast.execution.local.runtime import Runtime, RuntimeIdentity
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, make_campaign_folder
 from robovast.execution.local.stored_inputs import check_inputs, copy_inputs, read_inputs
@@ -44,7 +44,7 @@ OWN_RUNTIME = "same"
 
 
 @dataclass(frozen=True)
-class StoredRun:
+class ExecutedRun:
     """A run that was executed, and the campaign's files about it."""
 
     layout: Layout
@@ -76,7 +76,7 @@ class StoredRun:
         return self.record.image_digest or self.record.image
 
 
-def find_run(folder: Path) -> StoredRun:
+def find_run(folder: Path) -> ExecutedRun:
     """The run in a folder `<campaign>/<variant>/<run>`.
 
     Raises:
@@ -91,7 +91,9 @@ def find_run(folder: Path) -> StoredRun:
     layout, name = Layout(folder.parent.parent), folder.parent.name
     data = read_inputs(layout, name)
     check_inputs(folder, data)
-    return StoredRun(layout, variant_of(layout, data["configs"][0]), record, int(folder.name), data)
+    return ExecutedRun(
+        layout, variant_of(layout, data["configs"][0]), record, int(folder.name), data
+    )
 
 
 def _why_no_run(folder: Path) -> str:
@@ -109,11 +111,11 @@ def _why_no_run(folder: Path) -> str:
 class Again:
     """A run that is executed again, and what executes it."""
 
-    run: StoredRun
+    run: ExecutedRun
     document: Document
     options: LocalOptions
     runtime: Runtime
-    identity: Identity
+    identity: RuntimeIdentity
 
     def session(self, layout: Layout) -> Session:
         """Of a campaign's folder with a copy of the run's inputs."""
@@ -122,7 +124,7 @@ class Again:
         return Session(copied, layout, self.options, self.runtime, self.identity)
 
 
-def execute_again(run: StoredRun, options: LocalOptions, tell: Callable[[str], None]) -> Again:
+def execute_again(run: ExecutedRun, options: LocalOptions, tell: Callable[[str], None]) -> Again:
     """What executes a run again: runtime and image as then, unless others are chosen.
 
     Raises:
@@ -180,8 +182,8 @@ def begin_campaign(
 
 
 def replay_run(
-    run: StoredRun, output: Path, times: int, options: LocalOptions, observer: Observer
-) -> Summary:
+    run: ExecutedRun, output: Path, times: int, options: LocalOptions, observer: ExecutionObserver
+) -> ExecutionSummary:
     """Execute a run again, in a new campaign's folder below `output`; the run stays as it is.
 
     Raises:
@@ -207,7 +209,7 @@ def _refuse_inside(output: Path, campaign: Path) -> None:
         )
 
 
-def _as_then(run: StoredRun, options: LocalOptions) -> LocalOptions:
+def _as_then(run: ExecutedRun, options: LocalOptions) -> LocalOptions:
     """The options, with runtime and image of the run unless others are chosen.
 
     The record of a campaign that was imported does not choose plain processes.
@@ -228,8 +230,8 @@ def _as_then(run: StoredRun, options: LocalOptions) -> LocalOptions:
 
 
 def _check(
-    run: StoredRun, options: LocalOptions, runtime: Runtime, message: Callable[[str], None]
-) -> Identity:
+    run: ExecutedRun, options: LocalOptions, runtime: Runtime, message: Callable[[str], None]
+) -> RuntimeIdentity:
     """Check the runtime, and say what is not as it was."""
     record = run.record
     executed = read_mapping(run.layout.execution_record).get("robovast_version")

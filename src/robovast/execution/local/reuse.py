@@ -18,7 +18,7 @@ from robovast.campaign.records import copied_record
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.campaign.verdict import Verdict, read_test_result
 from robovast.execution.job_config import parameter_documents
-from robovast.execution.local.events import Observer
+from robovast.execution.local.events import ExecutionObserver
 from robovast.execution.local.session import Session
 from robovast.execution.local.store import explained, put_run_in_place
 from robovast.model.naming import holds_campaign
@@ -31,7 +31,11 @@ _RESULTS = (Verdict.PASSED, Verdict.FAILED)
 
 
 def reused_runs(
-    session: Session, plan: PlanSpec, runs: Sequence[Run], first_job: int, observer: Observer
+    session: Session,
+    plan: PlanSpec,
+    runs: Sequence[Run],
+    first_job: int,
+    observer: ExecutionObserver,
 ) -> dict[int, RunRecord]:
     """Take over those of the runs that are stored elsewhere, if the user wants it.
 

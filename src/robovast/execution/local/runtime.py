@@ -53,7 +53,7 @@ class StartSpec:
 
 
 @dataclass(frozen=True)
-class Identity:
+class RuntimeIdentity:
     """What executes the runs."""
 
     image: str
@@ -73,7 +73,7 @@ class Runtime(Protocol):
     out_dir: str | None
     """Path of the output folder inside a run; None means the real path."""
 
-    def check(self) -> Identity:
+    def check(self) -> RuntimeIdentity:
         """Check that runs can be started.
 
         Raises:

@@ -15,7 +15,7 @@ from robovast.campaign.layout import Layout
 from robovast.execution.job_config import job_environment
 from robovast.execution.local.events import LocalOptions
 from robovast.execution.local.limits import main_limits, secondary_limits
-from robovast.execution.local.runtime import Identity, Limits, Runtime, StartSpec
+from robovast.execution.local.runtime import Limits, Runtime, RuntimeIdentity, StartSpec
 from robovast.execution.run_key import common_key, run_keys
 from robovast.model.document import Document
 from robovast.model.document.section import merge_pairs
@@ -39,7 +39,7 @@ class Session:
     layout: Layout
     options: LocalOptions
     runtime: Runtime
-    identity: Identity
+    identity: RuntimeIdentity
 
     @cached_property
     def token(self) -> str:

@@ -42,7 +42,7 @@ TEXT_LIMIT = 250
 Count = Annotated[int, Field(ge=0, lt=2**31)]
 
 
-class Message(BaseModel):
+class TerminationMessage(BaseModel):
     """The termination message of a container."""
 
     model_config = ConfigDict(
@@ -93,7 +93,7 @@ class BadRun(BaseModel):
         return cls(run=run, verdict=verdict, reason=shortened(record.reason, BAD_LIMIT))
 
 
-class Verdicts(Message):
+class Verdicts(TerminationMessage):
     """Message of `agent`: ids of the pod's stored runs; the counts are always exact."""
 
     passed: str
@@ -147,7 +147,7 @@ class Verdicts(Message):
         return made if fits else made.model_copy(update={"bad": None})
 
 
-class Composed(Message):
+class Composed(TerminationMessage):
     """Message of `compose`."""
 
     counts: tuple[Count, ...] = Field(min_length=1)
@@ -160,7 +160,7 @@ class Composed(Message):
     """The cause of a failure; the other fields are invalid then."""
 
 
-class Proposed(Message):
+class Proposed(TerminationMessage):
     """Message of `propose`: how far a search is, and the runs that it wants next.
 
     It fits into Kubernetes' limit, whatever its fields hold.
@@ -200,7 +200,7 @@ class Repeat(BaseModel):
     """Sizes of the groups in which pods repeat them."""
 
 
-class Summary(Message):
+class Summary(TerminationMessage):
     """Message of `finish`: the counts of a campaign, and some ids of its bad runs."""
 
     total: Count
@@ -230,7 +230,7 @@ class Summary(Message):
         return fits
 
 
-class Processed(Message):
+class Processed(TerminationMessage):
     """Message of `process`."""
 
     runs: int
@@ -240,7 +240,7 @@ class Processed(Message):
     """Files that are new in the bucket."""
 
 
-class Shared(Message):
+class Shared(TerminationMessage):
     """Message of `share`."""
 
     archive: str

@@ -151,7 +151,7 @@ class Player(Section):
     """Topic of log messages (`rcl_interfaces/msg/Log`)."""
 
 
-class Evaluation(Section):
+class EvaluationSection(Section):
     """Presentation of the results."""
 
     player: Player = Field(default_factory=Player)
@@ -187,7 +187,7 @@ class Vast(Section):
     """Closed-loop search in place of `configuration`."""
     results_processing: ResultsProcessing = Field(default_factory=ResultsProcessing)
     """Processing of the results after the runs."""
-    evaluation: Evaluation = Field(default_factory=Evaluation)
+    evaluation: EvaluationSection = Field(default_factory=EvaluationSection)
     """Presentation of the results."""
     analysis: Analysis = Field(default_factory=Analysis)
     """Older spelling of `results_processing.postprocessing` and `evaluation.visualization`."""

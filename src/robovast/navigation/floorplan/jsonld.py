@@ -8,7 +8,13 @@ from typing import Any
 
 from shapely.geometry import Polygon as Area
 
-from robovast.navigation.floorplan.layout import Layout, PlacedFeature, PlacedOpening, Room, Wall
+from robovast.navigation.floorplan.layout import (
+    PlacedFeature,
+    PlacedFloorPlan,
+    PlacedOpening,
+    Room,
+    Wall,
+)
 from robovast.navigation.poses import Pose
 
 Node = dict[str, Any]
@@ -29,7 +35,7 @@ _CONTEXT = {
 }
 
 
-def documents(layout: Layout) -> dict[str, str]:
+def documents(layout: PlacedFloorPlan) -> dict[str, str]:
     """The graph in three files by name: elements, coordinates and shapes."""
     parts = {
         "floorplan.json": _elements(layout),
@@ -44,7 +50,7 @@ def documents(layout: Layout) -> dict[str, str]:
     }
 
 
-def _elements(layout: Layout) -> Iterator[Node]:
+def _elements(layout: PlacedFloorPlan) -> Iterator[Node]:
     yield {
         "@id": "floorplan",
         "@type": "FloorPlan",
@@ -88,7 +94,7 @@ def _described(name: str, kind: str, height: float | None) -> Node:
     return node if height is None else {**node, "height": height, "unitOf": "unit:M"}
 
 
-def _coordinates(layout: Layout) -> Iterator[Node]:
+def _coordinates(layout: PlacedFloorPlan) -> Iterator[Node]:
     yield {"@id": "world", "@type": "Frame"}
     for name, pose in _frames(layout):
         yield {"@id": f"{name}/frame", "@type": "Frame"}
@@ -104,7 +110,7 @@ def _coordinates(layout: Layout) -> Iterator[Node]:
         }
 
 
-def _frames(layout: Layout) -> Iterator[tuple[str, Pose]]:
+def _frames(layout: PlacedFloorPlan) -> Iterator[tuple[str, Pose]]:
     for room in layout.rooms:
         yield room.space.name, room.frame
         for index, wall in enumerate(room.walls):
@@ -115,13 +121,13 @@ def _frames(layout: Layout) -> Iterator[tuple[str, Pose]]:
         yield opening.opening.name, opening.frame
 
 
-def _features(layout: Layout) -> Iterator[tuple[str, PlacedFeature]]:
+def _features(layout: PlacedFloorPlan) -> Iterator[tuple[str, PlacedFeature]]:
     owners = {id(f): room.space.name for room in layout.rooms for f in room.space.features}
     for placed in layout.features:
         yield owners[id(placed.feature)], placed
 
 
-def _shapes(layout: Layout) -> Iterator[Node]:
+def _shapes(layout: PlacedFloorPlan) -> Iterator[Node]:
     for room in layout.rooms:
         yield _polygon(room.space.name, "world", room.floor)
         for index, wall in enumerate(room.walls):

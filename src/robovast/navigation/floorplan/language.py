@@ -21,7 +21,7 @@ from robovast.navigation.floorplan.model import (
     Shape,
     Space,
 )
-from robovast.navigation.floorplan.parser import ANGLES, UNITS, Source, kind
+from robovast.navigation.floorplan.parser import ANGLES, UNITS, ParsedFile, kind
 
 _FALLBACK = Rectangle(1.0, 1.0)
 
@@ -49,7 +49,7 @@ class Model:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._source = Source(path, "floorplan.tx")
+        self._source = ParsedFile(path, "floorplan.tx")
 
     @property
     def root(self) -> Any:
@@ -71,7 +71,7 @@ class Model:
 class _Reader:
     """Converts a syntax tree to a model; collects errors and continues."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: ParsedFile) -> None:
         self._source = source
         self._items = _by_kind(source.model.items)
         self._variables = {variable.name: variable for variable in self._items["Variable"]}

@@ -103,7 +103,7 @@ class PlacedOpening:
 
 
 @dataclass(frozen=True)
-class Layout:
+class PlacedFloorPlan:
     """A floor plan with all positions in the world frame."""
 
     plan: FloorPlan
@@ -112,7 +112,7 @@ class Layout:
     openings: tuple[PlacedOpening, ...]
 
 
-def lay_out(plan: FloorPlan) -> Layout:
+def lay_out(plan: FloorPlan) -> PlacedFloorPlan:
     """Resolve the positions of everything in a plan.
 
     Raises:
@@ -125,7 +125,7 @@ def lay_out(plan: FloorPlan) -> Layout:
     ]
     features += [_feature(feature, rooms, None) for feature in plan.features]
     openings = [_opening(opening, rooms) for opening in plan.openings]
-    return Layout(plan, tuple(placed), tuple(features), tuple(openings))
+    return PlacedFloorPlan(plan, tuple(placed), tuple(features), tuple(openings))
 
 
 class _Rooms:

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from shapely.geometry.base import BaseGeometry
 
-from robovast.navigation.floorplan.layout import Layout, PlacedOpening
+from robovast.navigation.floorplan.layout import PlacedFloorPlan, PlacedOpening
 from robovast.navigation.floorplan.render import rings
 
 Solid = Any
@@ -20,7 +20,7 @@ Solid = Any
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def mesh_of(layout: Layout) -> Solid:
+def mesh_of(layout: PlacedFloorPlan) -> Solid:
     """Walls with their openings, columns and dividers, as one closed solid [m]."""
     walls = _union(_extruded(room.solid, room.height) for room in layout.rooms)
     holes = _union(_hole(placed) for placed in layout.openings)

@@ -27,7 +27,7 @@ _LONGEST = 100
 _LARGEST = 1e9
 
 
-class Source:
+class ParsedFile:
     """A parsed file.
 
     Args:

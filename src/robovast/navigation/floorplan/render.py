@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from robovast.base.errors import InputError
-from robovast.navigation.floorplan.layout import Layout
+from robovast.navigation.floorplan.layout import PlacedFloorPlan
 from robovast.navigation.map_files import MOST_CELLS
 from robovast.navigation.occupancy import Mask, OccupancyMap
 
@@ -21,7 +21,7 @@ _MARGIN = 1.25
 """Width of the unknown margin around the plan [m]."""
 
 
-def render(layout: Layout, resolution: float = RESOLUTION) -> OccupancyMap:
+def render(layout: PlacedFloorPlan, resolution: float = RESOLUTION) -> OccupancyMap:
     """The map that a robot with a laser near the floor would make of a floor plan.
 
     Rooms and doorways are free; walls, columns, dividers and windows are occupied; the outside is

@@ -15,7 +15,7 @@ from robovast.base.errors import DocumentError
 from robovast.navigation.floorplan.language import Model
 from robovast.navigation.floorplan.layout import lay_out
 from robovast.navigation.floorplan.model import FloorPlan
-from robovast.navigation.floorplan.parser import ANGLES, UNITS, Source, kind
+from robovast.navigation.floorplan.parser import ANGLES, UNITS, ParsedFile, kind
 from robovast.navigation.floorplan.unwritten import add_number
 
 ATTEMPTS = 100
@@ -85,7 +85,7 @@ def read_variation(path: Path) -> PlanVariation:
         InputError: the file or the model cannot be read.
         DocumentError: all its errors, with line and column.
     """
-    source = Source(path, "variation.tx")
+    source = ParsedFile(path, "variation.tx")
     model = Model(Path(os.path.abspath(path.parent / source.model.file)))  # any name
     model.plan()
     entries = tuple(e for target in source.model.targets for e in _entries(source, model, target))
@@ -93,7 +93,7 @@ def read_variation(path: Path) -> PlanVariation:
     return PlanVariation(model, entries)
 
 
-def _entries(source: Source, model: Model, target: Any) -> Iterator[_Entry]:
+def _entries(source: ParsedFile, model: Model, target: Any) -> Iterator[_Entry]:
     element = _element(model.root, target.name.split("."))
     if element is None:
         source.problem(
@@ -114,7 +114,9 @@ def _entries(source: Source, model: Model, target: Any) -> Iterator[_Entry]:
             yield from _entry(source, model, target.name, element, entry)
 
 
-def _entry(source: Source, model: Model, name: str, element: Any, entry: Any) -> Iterator[_Entry]:
+def _entry(
+    source: ParsedFile, model: Model, name: str, element: Any, entry: Any
+) -> Iterator[_Entry]:
     numbers = dict(_numbers(element, model.root))
     attribute = _attribute(entry.attribute)
     draw = _distribution(source, entry.distribution, attribute.startswith("location.rotation"))
@@ -129,7 +131,7 @@ def _entry(source: Source, model: Model, name: str, element: Any, entry: Any) ->
         yield _Entry(value, draw)
 
 
-def _distribution(source: Source, node: Any, angle: bool | None) -> Draw:
+def _distribution(source: ParsedFile, node: Any, angle: bool | None) -> Draw:
     """How to draw numbers, of angles or lengths; None: of both, as nothing says what they are."""
     for number in _numbers_in(node):
         if number.unit and angle is not None and (number.unit in ANGLES) != angle:

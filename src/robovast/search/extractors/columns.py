@@ -26,7 +26,7 @@ _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
 }
 
 
-class Columns(Extractor):
+class ColumnExtractor(Extractor):
     """Aggregates columns over time and runs; `failure_rate` is always among its numbers.
 
     Args:

@@ -12,7 +12,7 @@ from support.campaigns.bags import rows
 from robovast.analysis.bags.convert import convert_run
 from robovast.base.yaml_files import parse_yaml
 from robovast.model.document.commands import bag_command
-from robovast.search.extractors.columns import Columns
+from robovast.search.extractors.columns import ColumnExtractor
 
 CASES = Path(__file__).parents[3] / "data" / "cases" / "bags"
 DATE = "-2026-11-25-120000"
@@ -85,7 +85,7 @@ def test_a_metric_covers_the_rows_of_all_episodes_in_their_order(tmp_path: Path)
     convert_run(campaign / "c" / "0", [bag_command("rosbags_tf_to_csv", {})])
     column = {"table": "poses", "column": "position.x"}
     over = {name: {**column, "over_time": name} for name in ("first", "last", "max", "mean")}
-    assert Columns(**over).extract(campaign / "c").objectives == {
+    assert ColumnExtractor(**over).extract(campaign / "c").objectives == {
         "failure_rate": 0.0,
         "first": 0.0,
         "last": 110.0,

@@ -15,7 +15,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin
 from support.campaigns.bags import SECOND, START, Bag, convert_alone, rows, typestore
 
 from robovast.analysis.bags import table as table_module
-from robovast.analysis.bags.table import Table
+from robovast.analysis.bags.table import CsvTable
 from robovast.analysis.tables.csv_files import column_names
 from robovast.base.errors import InputError
 from robovast.model.document.commands import ActionToCsv, TopicsToCsv
@@ -282,7 +282,7 @@ def test_columns_of_actions_have_different_names(
 def test_rows_of_many_shapes_are_placed_in_the_columns_of_all(shapes: list[int]) -> None:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "table.csv"
-        table = Table(path, ["t"], lambda count: [[f"a[{n}]"] for n in range(count)])
+        table = CsvTable(path, ["t"], lambda count: [[f"a[{n}]"] for n in range(count)])
         for number, count in enumerate(shapes):
             table.add(count, [b"%d" % number, *(b"%d" % n for n in range(count))])
         table.close()
@@ -296,7 +296,9 @@ def test_a_table_larger_than_a_disk_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(table_module, "_MOST_CELLS", 1000)
-    table = Table(tmp_path / "table.csv", ["t"], lambda count: [[f"a[{n}]"] for n in range(count)])
+    table = CsvTable(
+        tmp_path / "table.csv", ["t"], lambda count: [[f"a[{n}]"] for n in range(count)]
+    )
     for count in range(50):
         table.add(count, [b"0"] * (count + 1))
     with pytest.raises(InputError, match=r"table\.csv would have 50 rows of 50 columns"):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from support.campaigns.described import RECORD
 
-from robovast.analysis.minimise.trials import Judged, Outcome, judge
+from robovast.analysis.minimise.trials import Judged, TrialOutcome, judge
 from robovast.base.sequential import SequentialTest
 from robovast.campaign.verdict import Verdict
 
@@ -33,18 +33,18 @@ def judged(runs: str) -> Judged:
 @pytest.mark.parametrize(
     ("runs", "outcome", "counted", "failed", "example"),
     [
-        ("CC", Outcome.FAILS, 2, 2, 0),
-        ("??", Outcome.FAILS, 2, 2, 0),
-        ("eCtpCCC", Outcome.FAILS, 6, 3, 1),
-        ("pppp", Outcome.FADES, 4, 0, None),
-        ("ppppCC", Outcome.FADES, 4, 0, None),
-        ("tttp", Outcome.FAILS_OTHERWISE, 4, 0, 0),
-        ("ee", Outcome.ERRORED, 2, 0, 0),
-        ("pCpp" * 5, Outcome.UNDECIDED, 20, 5, 1),
+        ("CC", TrialOutcome.FAILS, 2, 2, 0),
+        ("??", TrialOutcome.FAILS, 2, 2, 0),
+        ("eCtpCCC", TrialOutcome.FAILS, 6, 3, 1),
+        ("pppp", TrialOutcome.FADES, 4, 0, None),
+        ("ppppCC", TrialOutcome.FADES, 4, 0, None),
+        ("tttp", TrialOutcome.FAILS_OTHERWISE, 4, 0, 0),
+        ("ee", TrialOutcome.ERRORED, 2, 0, 0),
+        ("pCpp" * 5, TrialOutcome.UNDECIDED, 20, 5, 1),
     ],
 )
 def test_the_failure_is_told_from_others_by_the_first_runs_that_suffice(
-    runs: str, outcome: Outcome, counted: int, failed: int, example: int | None
+    runs: str, outcome: TrialOutcome, counted: int, failed: int, example: int | None
 ) -> None:
     found = judged(runs)
     assert (found.outcome, found.runs, found.failed) == (outcome, counted, failed)

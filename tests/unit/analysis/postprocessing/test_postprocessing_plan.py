@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.analysis.postprocessing.commands import Command
+from robovast.analysis.postprocessing.commands import PostprocessingCommand
 from robovast.analysis.postprocessing.plan import all_done, plan, taken_back
 from robovast.analysis.postprocessing.state import Unit
 from robovast.analysis.postprocessing.survey import OWN, WHOLE
 
-BAG = Command("rosbags_tf_to_csv", {}, Path(), "bag")
-EACH = Command("t.py:each", {}, Path(), "each")
-ALL = Command("t.py:all", {}, Path(), "all")
-LAST = Command("t.py:last", {}, Path(), "last")
+BAG = PostprocessingCommand("rosbags_tf_to_csv", {}, Path(), "bag")
+EACH = PostprocessingCommand("t.py:each", {}, Path(), "each")
+ALL = PostprocessingCommand("t.py:all", {}, Path(), "all")
+LAST = PostprocessingCommand("t.py:last", {}, Path(), "last")
 PER_RUN = {"bag", "each"}
 
 
@@ -55,7 +55,7 @@ def test_a_command_for_the_campaign_renews_those_of_all_runs_behind_it() -> None
 
 
 def test_bags_need_nothing_of_others() -> None:
-    other = Command("rosbags_bt_to_csv", {}, Path(), "other")
+    other = PostprocessingCommand("rosbags_bt_to_csv", {}, Path(), "other")
     known = units(a={"other"})
     assert called(plan([BAG, other], {"bag", "other"}, known)) == [{"a": ["bag"]}]
 

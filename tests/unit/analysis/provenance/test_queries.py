@@ -15,7 +15,7 @@ from robovast.analysis.provenance.query import Graphs, query_names, read_query
 from robovast.base.errors import CannotRunError, InputError
 from robovast.campaign.finding import find_campaigns
 from robovast.campaign.layout import Layout
-from robovast.search.history import History
+from robovast.search.history import SearchHistory
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def test_queries_about_searches_work_here_and_in_plain_rdflib(
 
 
 def test_each_set_says_who_proposed_it_from_what(searched: Path) -> None:
-    graphs, history = Graphs([searched]), History(Layout(searched))
+    graphs, history = Graphs([searched]), SearchHistory(Layout(searched))
     answer = graphs.ask(read_query("proposed-sets"))
     rows = [dict(zip(answer.columns, row, strict=True)) for row in answer]
     told = {

@@ -12,7 +12,7 @@ import pytest
 from support.servers.fake_zenodo import TOKEN, Zenodo, zenodo_server
 
 from robovast.analysis.publication import zenodo_api
-from robovast.analysis.publication.context import Campaign, PublicationContext
+from robovast.analysis.publication.context import PublicationCampaign, PublicationContext
 from robovast.analysis.publication.zenodo import ZenodoUpload
 from robovast.analysis.publication.zenodo_api import ZenodoApi
 from robovast.base.errors import InputError, RobovastError, StorageError
@@ -33,7 +33,7 @@ def server(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Zenodo]:
 def context(tmp_path: Path) -> PublicationContext:
     (tmp_path / "a b.zip").write_bytes(b"first" * 100_000)
     (tmp_path / "b.zip").write_bytes(b"")
-    campaign = Campaign(tmp_path / "camp-2026-01-01-000000", DESCRIBED)
+    campaign = PublicationCampaign(tmp_path / "camp-2026-01-01-000000", DESCRIBED)
     return PublicationContext((campaign,), (tmp_path / "a b.zip", tmp_path / "b.zip"))
 
 
@@ -273,7 +273,10 @@ def test_what_is_missing_is_said_before_anything_is_sent(
             replace(context, files=(Path("a/x.zip"), Path("b/x.zip"))),
             "two archives are named x.zip",
         ),
-        (replace(context, campaigns=(Campaign(Path("a"), {}),)), "Zenodo needs `creators`"),
+        (
+            replace(context, campaigns=(PublicationCampaign(Path("a"), {}),)),
+            "Zenodo needs `creators`",
+        ),
     ]
     for case, message in wrong:
         with pytest.raises(RobovastError, match=message):

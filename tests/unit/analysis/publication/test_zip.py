@@ -15,7 +15,7 @@ import pytest
 import yaml
 from support.faults.small_disk import small_disk
 
-from robovast.analysis.publication.context import Campaign, PublicationContext
+from robovast.analysis.publication.context import PublicationCampaign, PublicationContext
 from robovast.analysis.publication.zip_archive import zip_results
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.importing import import_archive
@@ -24,7 +24,7 @@ NAME = "my camp-2026-03-05-121530"
 
 
 @pytest.fixture
-def campaign(tmp_path: Path) -> Campaign:
+def campaign(tmp_path: Path) -> PublicationCampaign:
     root = tmp_path / "results" / NAME
     files = {
         "_config/my file.vast": "version: 1\n",
@@ -48,10 +48,10 @@ def campaign(tmp_path: Path) -> Campaign:
         path.write_text(content)
     (root / "_config" / "tool.sh").chmod(0o755)
     (root / "one-1" / "0" / "job").symlink_to("../../_jobs/job-1")
-    return Campaign(root, {"robot_id": "r2d2", "title": "Runs", "license": "Apache-2.0"})
+    return PublicationCampaign(root, {"robot_id": "r2d2", "title": "Runs", "license": "Apache-2.0"})
 
 
-def pack(campaign: Campaign, **parameters: Any) -> zipfile.ZipFile:
+def pack(campaign: PublicationCampaign, **parameters: Any) -> zipfile.ZipFile:
     context = PublicationContext((campaign,), confirm=lambda _: True)
     good, _, files = zip_results(
         str(campaign.path.parent), "", **{"context": context, **parameters}
@@ -65,7 +65,7 @@ def names(archive: zipfile.ZipFile) -> set[str]:
     return {name.removeprefix(f"{NAME}/") for name in archive.namelist()}
 
 
-def test_equal_files_give_equal_bytes(campaign: Campaign, tmp_path: Path) -> None:
+def test_equal_files_give_equal_bytes(campaign: PublicationCampaign, tmp_path: Path) -> None:
     first = Path(str(pack(campaign).filename)).read_bytes()
     copy = tmp_path / "elsewhere" / NAME
     shutil.copytree(campaign.path, copy, symlinks=True, copy_function=shutil.copyfile)
@@ -76,7 +76,7 @@ def test_equal_files_give_equal_bytes(campaign: Campaign, tmp_path: Path) -> Non
     assert first == second
 
 
-def test_all_files_are_packed_unless_told_otherwise(campaign: Campaign) -> None:
+def test_all_files_are_packed_unless_told_otherwise(campaign: PublicationCampaign) -> None:
     archive = pack(campaign)
     assert archive.filename == str(campaign.path.with_name(f"{NAME}.zip"))
     assert names(archive) == {
@@ -95,7 +95,9 @@ def test_all_files_are_packed_unless_told_otherwise(campaign: Campaign) -> None:
     assert archive.testzip() is None
 
 
-def test_an_archive_can_be_unpacked_and_imported(campaign: Campaign, tmp_path: Path) -> None:
+def test_an_archive_can_be_unpacked_and_imported(
+    campaign: PublicationCampaign, tmp_path: Path
+) -> None:
     path = Path(str(pack(campaign).filename))
     subprocess.run(["python3", "-m", "zipfile", "-t", path], check=True, capture_output=True)
     home = import_archive(path, tmp_path / "home")
@@ -125,13 +127,13 @@ FILTERS: dict[str, tuple[dict[str, Any], set[str]]] = {
 
 
 @pytest.mark.parametrize("what", FILTERS)
-def test_filters_choose(campaign: Campaign, what: str) -> None:
+def test_filters_choose(campaign: PublicationCampaign, what: str) -> None:
     parameters, expected = FILTERS[what]
     assert names(pack(campaign, **parameters)) == expected | ALWAYS
 
 
 def test_links_lead_to_the_same_file_without_hidden_folders(
-    campaign: Campaign, tmp_path: Path
+    campaign: PublicationCampaign, tmp_path: Path
 ) -> None:
     archive = Path(str(pack(campaign, omit_hidden=True, exclude_filter=["config.yaml"]).filename))
     with zipfile.ZipFile(archive) as zipped:
@@ -139,13 +141,13 @@ def test_links_lead_to_the_same_file_without_hidden_folders(
     assert (Path("/one-1/0") / target).resolve() == Path("/job-1")
 
 
-def test_what_would_be_two_files_of_one_name_is_refused(campaign: Campaign) -> None:
+def test_what_would_be_two_files_of_one_name_is_refused(campaign: PublicationCampaign) -> None:
     (campaign.path / "my file.vast").touch()
     with pytest.raises(InputError, match=r"two files would be `my file\.vast`"):
         pack(campaign, omit_hidden=True)
 
 
-def test_nothing_from_outside_is_packed(campaign: Campaign, tmp_path: Path) -> None:
+def test_nothing_from_outside_is_packed(campaign: PublicationCampaign, tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text("password")
     run = campaign.path / "one-1" / "0"
@@ -162,7 +164,7 @@ def test_nothing_from_outside_is_packed(campaign: Campaign, tmp_path: Path) -> N
     )
 
 
-def test_fields_are_merged_into_the_metadata(campaign: Campaign) -> None:
+def test_fields_are_merged_into_the_metadata(campaign: PublicationCampaign) -> None:
     archive = pack(campaign, include_filter=[], metadata={"title": "Ours", "description": "D"})
     merged = yaml.safe_load(archive.read(f"{NAME}/metadata.yaml"))
     assert merged == {
@@ -172,13 +174,13 @@ def test_fields_are_merged_into_the_metadata(campaign: Campaign) -> None:
     assert "title" not in (campaign.path / "metadata.yaml").read_text()
 
 
-def test_a_campaign_without_metadata_gets_the_fields(campaign: Campaign) -> None:
+def test_a_campaign_without_metadata_gets_the_fields(campaign: PublicationCampaign) -> None:
     (campaign.path / "metadata.yaml").unlink()
     archive = pack(campaign, metadata={"title": "Ours"})
     assert yaml.safe_load(archive.read(f"{NAME}/metadata.yaml")) == {"metadata": {"title": "Ours"}}
 
 
-def test_the_crate_describes_the_archive(campaign: Campaign) -> None:
+def test_the_crate_describes_the_archive(campaign: PublicationCampaign) -> None:
     fields = {"creators": [{"name": "Ada", "orcid": "0000-0001"}, "Bob"], "keywords": ["a", "b"]}
     archive = pack(campaign, metadata=fields)
     crate = json.loads(archive.read(f"{NAME}/ro-crate-metadata.json"))
@@ -196,21 +198,21 @@ def test_the_crate_describes_the_archive(campaign: Campaign) -> None:
     assert references <= entities.keys()
 
 
-def test_the_file_name_takes_metadata_and_the_time(campaign: Campaign) -> None:
+def test_the_file_name_takes_metadata_and_the_time(campaign: PublicationCampaign) -> None:
     archive = pack(campaign, filename="data_{robot_id}_{timestamp}.zip", destination="a/b")
     assert archive.filename == str(
         campaign.path.parent / "a" / "b" / "data_r2d2_2026-03-05-121530.zip"
     )
 
 
-def test_a_wrong_file_name_is_explained(campaign: Campaign) -> None:
+def test_a_wrong_file_name_is_explained(campaign: PublicationCampaign) -> None:
     with pytest.raises(InputError, match=r"\{robot\}.*license, robot_id, timestamp, title"):
         pack(campaign, filename="{robot}.zip")
     with pytest.raises(InputError, match="not a file name"):
         pack(replace(campaign, metadata={"x": "../../evil"}), filename="{x}")
 
 
-def test_two_campaigns_are_never_packed_into_one_file(campaign: Campaign) -> None:
+def test_two_campaigns_are_never_packed_into_one_file(campaign: PublicationCampaign) -> None:
     other = replace(campaign, path=campaign.path.with_name("other-2026-03-05-121530"))
     context = PublicationContext((campaign, other))
     for template in ("{timestamp}.zip", "data.zip"):
@@ -219,13 +221,15 @@ def test_two_campaigns_are_never_packed_into_one_file(campaign: Campaign) -> Non
 
 
 class TestWhatExists:
-    def pack(self, campaign: Campaign, answer: bool | None = None, **parameters: Any) -> str:
+    def pack(
+        self, campaign: PublicationCampaign, answer: bool | None = None, **parameters: Any
+    ) -> str:
         context = PublicationContext((campaign,))
         if answer is not None:
             context = replace(context, confirm=lambda _: answer)
         return zip_results(str(campaign.path.parent), "", context=context, **parameters)[1]
 
-    def test_is_left_alone_when_it_is_the_same(self, campaign: Campaign) -> None:
+    def test_is_left_alone_when_it_is_the_same(self, campaign: PublicationCampaign) -> None:
         self.pack(campaign)
         assert "is up to date" in self.pack(campaign)
 
@@ -239,14 +243,18 @@ class TestWhatExists:
         ],
     )
     def test_is_replaced_when_that_is_wanted(
-        self, campaign: Campaign, parameters: dict[str, bool], answer: bool | None, replaced: bool
+        self,
+        campaign: PublicationCampaign,
+        parameters: dict[str, bool],
+        answer: bool | None,
+        replaced: bool,
     ) -> None:
         target = campaign.path.with_name(f"{NAME}.zip")
         target.write_text("old")
         self.pack(campaign, answer, **parameters)
         assert (target.read_bytes() != b"old") is replaced
 
-    def test_is_kept_when_nobody_can_be_asked(self, campaign: Campaign) -> None:
+    def test_is_kept_when_nobody_can_be_asked(self, campaign: PublicationCampaign) -> None:
         target = campaign.path.with_name(f"{NAME}.zip")
         target.write_text("old")
         with pytest.raises(StorageError, match="exists already and differs"):
@@ -254,14 +262,14 @@ class TestWhatExists:
         assert target.read_text() == "old"
 
 
-def test_a_full_disk_leaves_no_half_archive(campaign: Campaign) -> None:
+def test_a_full_disk_leaves_no_half_archive(campaign: PublicationCampaign) -> None:
     (campaign.path / "random.mcap").write_bytes(os.urandom(2**17))
     with small_disk(2**16), pytest.raises(StorageError, match="File too large"):
         pack(campaign)
     assert [path.name for path in campaign.path.parent.iterdir()] == [NAME]
 
 
-def test_an_interruption_leaves_no_half_archive(campaign: Campaign) -> None:
+def test_an_interruption_leaves_no_half_archive(campaign: PublicationCampaign) -> None:
     campaign.path.with_name(f"{NAME}.zip").write_text("old")
 
     def interrupt(path: Path) -> bool:
@@ -274,6 +282,6 @@ def test_an_interruption_leaves_no_half_archive(campaign: Campaign) -> None:
     assert found[f"{NAME}.zip"].read_text() == "old"
 
 
-def test_names_that_are_no_text_are_packed(campaign: Campaign) -> None:
+def test_names_that_are_no_text_are_packed(campaign: PublicationCampaign) -> None:
     (campaign.path / os.fsdecode(b"b\xffd.csv")).write_text("x")
     assert "b\\xffd.csv" in names(pack(campaign))

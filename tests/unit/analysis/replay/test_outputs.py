@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from support.campaigns.bags import Bag
 
-from robovast.analysis.replay.outputs import ALL_TABLES, Compared, compare_outputs
+from robovast.analysis.replay.outputs import ALL_TABLES, OutputComparison, compare_outputs
 from robovast.base.safe_paths import MOST
 from robovast.model.document.execution import Output
 
 TABLE = "step,x\n0,1.5\n1,2.5\n"
 
 
-def compared(tmp_path: Path, before: str, now: str, *outputs: Output) -> Compared:
+def compared(tmp_path: Path, before: str, now: str, *outputs: Output) -> OutputComparison:
     for name, text in (("before", before), ("now", now)):
         path = tmp_path / name / "0" / "sub" / "out.csv"
         path.parent.mkdir(parents=True)
@@ -25,7 +25,7 @@ def compared(tmp_path: Path, before: str, now: str, *outputs: Output) -> Compare
 
 
 def test_equal_files_are_the_same(tmp_path: Path) -> None:
-    assert compared(tmp_path, TABLE, TABLE) == Compared(("sub/out.csv",), ())
+    assert compared(tmp_path, TABLE, TABLE) == OutputComparison(("sub/out.csv",), ())
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_what_is_missing_new_derived_or_a_link_is_told(tmp_path: Path) -> None:
     assert found.same == ()
 
 
-def sized(tmp_path: Path, size: int, content: bytes = b"") -> Compared:
+def sized(tmp_path: Path, size: int, content: bytes = b"") -> OutputComparison:
     """Compare a table of one row with one of this size, whose end was never written."""
     for name, begin in (("before", content), ("now", b"x\n")):
         (tmp_path / name).mkdir()

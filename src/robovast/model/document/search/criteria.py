@@ -18,7 +18,7 @@ _OPERATIONS: dict[str, Callable[[float, float], bool]] = {
 
 
 @dataclass(frozen=True)
-class Progress:
+class SearchProgress:
     """What a search has reached after a batch."""
 
     batches: int
@@ -53,12 +53,12 @@ class Criterion:
         return f"{self.kind}: {self}"
 
 
-def criteria(search: Search, progress: Progress) -> list[Criterion]:
+def criteria(search: Search, progress: SearchProgress) -> list[Criterion]:
     """All criteria of a search: the budget in the document's order, then what stops it."""
     return [*_budget(search, progress), *_stopping(search, progress)]
 
 
-def _budget(search: Search, progress: Progress) -> Iterator[Criterion]:
+def _budget(search: Search, progress: SearchProgress) -> Iterator[Criterion]:
     for item in search.budget:
         if item.batches is not None:
             done, limit = progress.batches, item.batches.value
@@ -68,7 +68,7 @@ def _budget(search: Search, progress: Progress) -> Iterator[Criterion]:
             yield Criterion("time", "time", elapsed, seconds, progress.elapsed >= seconds)
 
 
-def _stopping(search: Search, progress: Progress) -> Iterator[Criterion]:
+def _stopping(search: Search, progress: SearchProgress) -> Iterator[Criterion]:
     objective = search.objectives[0]
     sign = 1 if objective.direction == "maximize" else -1
     best = progress.best[-1] if progress.best else None

@@ -23,7 +23,7 @@ BUILT_IN: dict[str, dict[str, tuple[str, Extra | None]]] = {
     },
     EXTRACTORS: {
         "failure_rate": ("robovast.search.extractors.failure_rate:FailureRate", None),
-        "metrics": ("robovast.search.extractors.columns:Columns", None),
+        "metrics": ("robovast.search.extractors.columns:ColumnExtractor", None),
     },
 }
 """Where the built-in ones are, and the extra that they need."""

@@ -1,0 +1,25 @@
+"""One class name stands for one thing in the whole code base."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+ROOT = Path(__file__).parents[3]
+SOURCES = ("src", "operator", "cli")
+KNOWN = {"How", "Kubernetes", "PlannedRuns", "Findings"}
+"""Names that still stand for two things; this set may only shrink."""
+
+
+def test_public_class_names_are_unique() -> None:
+    found: dict[str, list[str]] = defaultdict(list)
+    for folder in SOURCES:
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    found[node.name].append(str(path.relative_to(ROOT)))
+    assert len(found) > 500
+    twice = {name: places for name, places in found.items() if len(places) > 1}
+    assert {name: places for name, places in twice.items() if name not in KNOWN} == {}
+    assert set(twice) >= KNOWN, "remove names from KNOWN that are unique now"
