@@ -18,7 +18,7 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.additions import Additions
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
-from robovast_operator.pods.findings import Final, Mishap, Trouble
+from robovast_operator.pods.observations import Final, Mishap, Trouble
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.pods.waiting import Waiting
 
@@ -189,7 +189,7 @@ class Memory:
     taken: set[str] = field(default_factory=set)
     """Of `effects.job_maker`: names of the campaign's Jobs that others have taken."""
     witnessed: set[str] = field(default_factory=set)
-    """Of `effects.witness`: uids of ended Jobs whose pods were read."""
+    """Of `effects.pod_facts`: uids of ended Jobs whose pods were read."""
     delivered: set[str] = field(default_factory=set)
     """Of `effects.deliveries`: uids of ended Jobs that were reported."""
     failing: float | None = None

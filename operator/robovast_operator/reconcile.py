@@ -31,19 +31,19 @@ from robovast_operator.effects.jobs import Jobs
 from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.notifier import Notifier
 from robovast_operator.effects.own_pods import LOOK_SECONDS, OwnPods
+from robovast_operator.effects.pod_facts import Witness
 from robovast_operator.effects.purge import Purge
 from robovast_operator.effects.queues import Queues
 from robovast_operator.effects.status_writer import Statuses
-from robovast_operator.effects.witness import Witness
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import PAUSE, Api, ApiError
 from robovast_operator.kube.conditions import is_true
-from robovast_operator.kube.lenient import mapping
 from robovast_operator.kube.metrics import Metrics
 from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
+from robovast_operator.kube.untrusted_fields import mapping
 from robovast_operator.kube.work_queue import REFUSED_DELAY, WorkQueue
 from robovast_operator.memory import Memory
 from robovast_operator.planning.accept import DOCUMENT_CHANGED, with_composition
@@ -51,11 +51,11 @@ from robovast_operator.planning.additions import Additions
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import NOT_FOUND
 from robovast_operator.planning.proposals import first_plan
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.job_attempts import TASK_PODS_LOST, Tries
 from robovast_operator.pods.jobs import shard_job, task_job, upload_job
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.pods.pod_status import trouble_of
 from robovast_operator.pods.reports import composed_of, given_up_of, proposed_of
-from robovast_operator.pods.tries import TASK_PODS_LOST, Tries
 from robovast_operator.settings import OperatorSettings
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.conditions import is_settled

@@ -11,7 +11,7 @@ from robovast.kubeapi.status import SearchStatus
 from robovast_operator.kube.store import JobState
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.proposals import grown, no_plan, search_status
-from robovast_operator.pods.tries import Tries
+from robovast_operator.pods.job_attempts import Tries
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,13 @@ from robovast.model.expansion.limit import DEFAULT
 from robovast.model.packs import PlanSpec
 from robovast.model.repetition import GroupSizes
 from robovast_operator.kube.conditions import is_true
-from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
+from robovast_operator.kube.untrusted_fields import ranges
 from robovast_operator.planning.campaign import Accepted, Revision
-from robovast_operator.planning.rounds import PlanningRounds
+from robovast_operator.planning.measured_packs import PlanningRounds
 from robovast_operator.planning.shards import WINDOW, ShardPlan, first_attempts, repetitions
-from robovast_operator.pods.findings import Final, PodFindings, Trouble
-from robovast_operator.pods.tries import TASK_PODS_LOST, Tries, number_of
+from robovast_operator.pods.job_attempts import TASK_PODS_LOST, Tries, number_of
+from robovast_operator.pods.observations import Final, PodFindings, Trouble
 from robovast_operator.pods.verdicts import ShardRuns, Tally, tally_of, total
 from robovast_operator.pods.waiting import QueueFindings, Waiting
 from robovast_operator.search import SearchState

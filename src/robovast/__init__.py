@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from robovast.analysis.tables.query import Answer, ask
     from robovast.base.errors import RobovastError
-    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.discovery import find_campaigns
     from robovast.campaign.verdict import Verdict
     from robovast.execution.local import LocalOptions
     from robovast.model.document import Document, load_document
@@ -44,7 +44,7 @@ _MODULES = {
     "Verdict": "campaign.verdict",
     "ask": "analysis.tables.query",
     "expand": "model.expansion",
-    "find_campaigns": "campaign.finding",
+    "find_campaigns": "campaign.discovery",
     "load_document": "model.document",
     "open_campaign": "scripting",
     "run_campaign": "scripting",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.decisions import told
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
 from robovast.campaign.verdict import Verdict

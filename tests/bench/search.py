@@ -46,11 +46,11 @@ from robovast.campaign.layout import Layout
 from robovast.execution.local import ExecutionSummary, LocalOptions, run_campaign
 from robovast.model.document import load_document
 from robovast.model.document.search.section import Search
-from robovast.search import rounds
+from robovast.search import batches
+from robovast.search.batches import ENOUGH, OPEN
 from robovast.search.history import SearchHistory
 from robovast.search.local import run_search
 from robovast.search.plugins import strategy_of
-from robovast.search.rounds import ENOUGH, OPEN
 from robovast.search.strategies.boundary import BoundaryParameters, BoundaryStrategy
 from robovast.search.strategies.failure_process import Array
 from robovast.search.strategies.quality_diversity import (
@@ -322,7 +322,7 @@ def workers(many: int) -> None:
     for open_ in range(1, OPEN + 1):
         with (
             TemporaryDirectory(prefix="robovast-") as folder,
-            patch.object(rounds, "OPEN", open_),
+            patch.object(batches, "OPEN", open_),
         ):
             share, made = _executed(Path(folder, "search"), WORKERS, many, run_search)
             sets = [
@@ -397,16 +397,16 @@ def arm(units: Array) -> tuple[Array, Array]:
 
 def qd(seeds: int) -> None:
     """Print coverage and score of our archive and of those of pyribs, at equal evaluations."""
-    for batches in (10, 50, 250):
+    for count in (10, 50, 250):
         for name, fill in (("ours", _ours), ("pyribs CMA-ME", _ribs), ("pyribs Iso+LineDD", _ribs)):
-            found = np.array([fill(name, seed, batches) for seed in range(seeds)])
+            found = np.array([fill(name, seed, count) for seed in range(seeds)])
             (coverage, score), low, high = found.mean(axis=0), found.min(axis=0), found.max(axis=0)
             filled = f"coverage {coverage:.1%} ({low[0]:.1%} to {high[0]:.1%})"
             summed = f"score {score:.1f} ({low[1]:.1f} to {high[1]:.1f})"
-            print(f"{batches * PER_BATCH:>5} {name:<18} {filled}, {summed}", flush=True)
+            print(f"{count * PER_BATCH:>5} {name:<18} {filled}, {summed}", flush=True)
 
 
-def _ours(name: str, seed: int, batches: int) -> tuple[float, float]:
+def _ours(name: str, seed: int, count: int) -> tuple[float, float]:
     del name
     axis = {"low": -1.0, "high": 1.0, "bins": BINS}
     parameters = {"archive": {"measures": {"x": axis, "y": axis}}}
@@ -414,7 +414,7 @@ def _ours(name: str, seed: int, batches: int) -> tuple[float, float]:
         section("qd", JOINTS, seed, PER_BATCH),
         QualityDiversityParameters.model_validate(parameters),
     )
-    for _ in range(batches):
+    for _ in range(count):
         sets = made.ask(PER_BATCH)
         scores, hands = arm(np.array([list(params.values.values()) for params in sets]))
         made.tell(

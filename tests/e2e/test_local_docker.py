@@ -24,7 +24,7 @@ from support.campaigns.local import (
 from support.patience import PATIENCE
 
 from robovast.base.errors import CannotRunError
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.execution.local import LocalOptions, prepare_run
 from robovast.model.document import load_document
 from robovast.search.local import SearchSummary, execute_document

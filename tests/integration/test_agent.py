@@ -43,7 +43,7 @@ from robovast.campaign.configurations import variants_digest
 from robovast.campaign.layout import INDEX, INPUTS, RUNS_TABLE
 from robovast.execution.local import LocalOptions, replay_run
 from robovast.execution.local.replay import find_run
-from robovast.kubeapi.pod_contract.sightings import Sightings
+from robovast.kubeapi.pod_contract.pod_facts import Sightings
 from robovast.model.document import load_document
 from robovast.model.expansion import Variant, compose
 from robovast.model.packs import Block, PlanSpec

@@ -20,7 +20,7 @@ from support.campaigns.finished import NAME, finished_campaign
 from support.faults.killing import states
 
 from robovast.base.errors import InputError
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.imported import is_imported
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.endpoint import Credentials, Endpoint

@@ -29,8 +29,8 @@ from robovast.execution.local.session import Session
 from robovast.model.document import load_document
 from robovast.model.packs import RUNS_LIMIT
 from robovast.model.plan import Run
+from robovast.search import batches
 from robovast.search import local as search_local
-from robovast.search import rounds
 from robovast.search.history import SearchHistory
 from robovast.search.local import SearchSummary, execute_document, resume
 from robovast.search.plugins import make_strategy
@@ -492,12 +492,12 @@ def test_batches_are_asked_further_ahead_until_runs_are_enough_for_any_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, enough: int, ahead: list[int]
 ) -> None:
     """However many runs are executed side by side, the sets are the same."""
-    monkeypatch.setattr(rounds, "ENOUGH", enough)
+    monkeypatch.setattr(batches, "ENOUGH", enough)
     found = {}
     for jobs in (1, 3):
         summary, _ = run_searched(tmp_path / str(jobs), at_random(5), jobs=jobs)
-        batches = SearchHistory(_layout(summary.campaign)).batches
-        assert [batch.proposal.ahead for batch in batches] == ahead
+        history = SearchHistory(_layout(summary.campaign)).batches
+        assert [batch.proposal.ahead for batch in history] == ahead
         found[jobs] = proposed_values(summary.campaign)
     assert found[1] == found[3]
 
@@ -509,9 +509,9 @@ def test_batches_that_fill_the_space_do_not_wait_for_the_first_one(tmp_path: Pat
     found = {}
     for jobs in (1, 3):
         summary, _ = run_searched(tmp_path / str(jobs), extra, jobs=jobs)
-        batches = SearchHistory(_layout(summary.campaign)).batches
-        assert [batch.proposal.ahead for batch in batches] == [0, 1, 1, 2, 2]
-        assert [batch.proposal.told for batch in batches] == [0, 0, 2, 2, 4]
+        history = SearchHistory(_layout(summary.campaign)).batches
+        assert [batch.proposal.ahead for batch in history] == [0, 1, 1, 2, 2]
+        assert [batch.proposal.told for batch in history] == [0, 0, 2, 2, 4]
         found[jobs] = proposed_values(summary.campaign)
     assert found[1] == found[3]
 

@@ -16,7 +16,7 @@ from robovast.base.file_errors import read_content, read_text
 
 UNBOUNDED = {
     "files that Kubernetes mounts, at most 1 MiB": {
-        *("agent/sightings", "agent/sources", "agent/campaign", "agent/notify", "agent/share"),
+        *("agent/pod_facts", "agent/sources", "agent/campaign", "agent/notify", "agent/share"),
         *("kubeapi/pod_contract/messages", "storage/endpoint", "kube/api"),
     },
     "files of this package, of the system, or of a child of this process": {
@@ -25,7 +25,11 @@ UNBOUNDED = {
         "base/installation",
         *("execution/contract/monitor_resources", "execution/contract/run_scenarios"),
         *("execution/local/process_tree", "execution/local/process_environment"),
-        *("execution/local/process_runtime", "execution/local/prepare", "planning/apart"),
+        *(
+            "execution/local/process_runtime",
+            "execution/local/prepare",
+            "planning/separate_processes",
+        ),
         *("pods/templates", "ui/campaign_report/html", "rosbags_common"),
     },
     "standard input, or the answer of a server that the user chose": {

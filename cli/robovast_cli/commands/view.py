@@ -100,7 +100,7 @@ def _serve_to_foxglove(run: Path, results: Path, names: tuple[str, ...], port: i
 
 
 def _bag(results: Path, names: tuple[str, ...]) -> str:
-    from robovast.evaluation.drive.finding import bag_of, read_named
+    from robovast.evaluation.drive.bag_discovery import bag_of, read_named
     from robovast.evaluation.notebooks.workloads import Target
 
     named = read_named(Target(results, names[:1]))
@@ -118,7 +118,7 @@ def _place(path: Path) -> tuple[Path, tuple[str, ...]]:
     Raises:
         InputError: the folder is missing, that of no run, or that of one without a bag.
     """
-    from robovast.evaluation.drive.finding import bags_in
+    from robovast.evaluation.drive.bag_discovery import bags_in
     from robovast.evaluation.files import list_files
     from robovast.evaluation.notebooks.workloads import target_of
 

@@ -15,16 +15,16 @@ from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.queues import Queues
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
-from robovast_operator.kube.lenient import mapping, metadata, ranges, text
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.sentences import after_colon, clause
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
+from robovast_operator.kube.untrusted_fields import mapping, metadata, ranges, text
 from robovast_operator.memory import PodsCache
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.pods.admission import explain
-from robovast_operator.pods.findings import MISHAPS, PodFindings, Trouble
-from robovast_operator.pods.mishaps import mishaps_of
+from robovast_operator.pods.first_failures import mishaps_of
+from robovast_operator.pods.observations import MISHAPS, PodFindings, Trouble
 from robovast_operator.pods.own import OWN
 from robovast_operator.pods.pod_events import (
     DENIALS,

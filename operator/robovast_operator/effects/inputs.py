@@ -12,14 +12,14 @@ from robovast.base.yaml_files import parse_yaml
 from robovast.kubeapi.resources import CampaignSource, CampaignSpec
 from robovast.kubeapi.source_files import Files, config_map_files, inline_files
 from robovast.model.packs import CampaignPlan, Entry
-from robovast_operator.effects.needs import MISSING, Needs
+from robovast_operator.effects.prerequisites import MISSING, Needs
 from robovast_operator.kube import paths
 from robovast_operator.kube.announce import is_refusal
 from robovast_operator.kube.api import Api, ApiError
 from robovast_operator.kube.few_at_once import few_at_once
-from robovast_operator.kube.lenient import mapping, metadata
 from robovast_operator.kube.objects import Identity, Key, Object
 from robovast_operator.kube.store import Store
+from robovast_operator.kube.untrusted_fields import mapping, metadata
 from robovast_operator.memory import Asked, InputsCache
 from robovast_operator.planning.accept import (
     accept,
@@ -27,7 +27,6 @@ from robovast_operator.planning.accept import (
     source_changed,
 )
 from robovast_operator.planning.additions import Additions, expand_alone, with_additions
-from robovast_operator.planning.apart import Apart
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.configurations import is_own, own_configurations
 from robovast_operator.planning.revisions import (
@@ -39,6 +38,7 @@ from robovast_operator.planning.revisions import (
     owners_note,
     read_revisions,
 )
+from robovast_operator.planning.separate_processes import Apart
 from robovast_operator.pods.jobs import campaign_plan, files_config_map, plan_config_map
 from robovast_operator.settings import OperatorSettings
 

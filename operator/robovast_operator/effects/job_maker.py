@@ -12,8 +12,8 @@ from robovast_operator.kube.events import EventContent
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import QUEUE_LABEL, JobState, Store
 from robovast_operator.planning.campaign import Accepted
-from robovast_operator.pods.carried import carrying, config_maps_of
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.observations import Trouble
+from robovast_operator.pods.self_contained_jobs import carrying, config_maps_of
 
 
 class JobMaker:

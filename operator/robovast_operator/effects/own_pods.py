@@ -10,10 +10,10 @@ from robovast.kubeapi.resources import SHARD_ROLE
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api
 from robovast_operator.kube.few_at_once import few_at_once
-from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import now
+from robovast_operator.kube.untrusted_fields import ranges
 from robovast_operator.memory import JudgedPods, PodsCache
 from robovast_operator.pods.own import (
     ending_of,

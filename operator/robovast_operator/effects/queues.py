@@ -10,10 +10,10 @@ from dataclasses import replace
 from robovast.kubeapi.status import QueuePlace
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
-from robovast_operator.kube.lenient import mapping, mappings, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import now
+from robovast_operator.kube.untrusted_fields import mapping, mappings, text
 from robovast_operator.memory import Motion, QueueCache
 from robovast_operator.pods.waiting import (
     PARKED,

@@ -36,7 +36,7 @@ from robovast_operator.planning.configurations import (
     is_owned,
     waiting_status,
 )
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.settings import OperatorSettings
 from robovast_operator.status.conditions import (
     composing_conditions,

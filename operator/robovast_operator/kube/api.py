@@ -14,9 +14,9 @@ from kubernetes import config
 from kubernetes.aio.client import ApiClient, Configuration
 
 from robovast.base.errors import CannotRunError
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import hear
+from robovast_operator.kube.untrusted_fields import shaped
 
 LOGGER = logging.getLogger(__name__)
 

@@ -24,9 +24,9 @@ from math import inf
 from robovast.kubeapi.resources import GROUP
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
-from robovast_operator.kube.lenient import LARGEST, mapping, number, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import now
+from robovast_operator.kube.untrusted_fields import LARGEST, mapping, number, text
 from robovast_operator.settings import OperatorSettings
 
 LOGGER = logging.getLogger(__name__)

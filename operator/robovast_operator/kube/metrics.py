@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
-from robovast_operator.kube.lenient import mapping, number, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import Store
+from robovast_operator.kube.untrusted_fields import mapping, number, text
 from robovast_operator.kube.work_queue import WorkQueue
 
 RUN_STATES = ("active", "waiting", "passed", "failed", "errored", "undecided", "notNeeded")

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 from robovast_operator.kube import malloc as heap
 from robovast_operator.kube.api import Api, ApiError
-from robovast_operator.kube.lenient import metadata
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import Id, id_of
+from robovast_operator.kube.untrusted_fields import metadata
 from robovast_operator.settings import OperatorSettings
 
 LOGGER = logging.getLogger(__name__)

@@ -10,7 +10,8 @@ from robovast.kubeapi.names import child_name
 from robovast.kubeapi.pod_contract.storage_address import ENDPOINT, REGION, joined_address
 from robovast.kubeapi.resources import CAMPAIGN_LABEL, ROLE_LABEL, UID_LABEL
 from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
-from robovast_operator.kube.lenient import (
+from robovast_operator.kube.objects import Key, Object
+from robovast_operator.kube.untrusted_fields import (
     BEGINNING,
     mapping,
     mappings,
@@ -21,7 +22,6 @@ from robovast_operator.kube.lenient import (
     text,
     time,
 )
-from robovast_operator.kube.objects import Key, Object
 
 NOTIFY_ROLE = "notify"
 """Role of Jobs that send a notice."""

@@ -16,9 +16,9 @@ from robovast.base.yaml_files import parse_yaml
 from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE
 from robovast.model.expansion.expand import DEFAULT_ENTRY
 from robovast.model.packs import RUNS_LIMIT, Block, CampaignPlan, Entry, PlanSpec, first_blocks
-from robovast_operator.kube.lenient import mapping, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.sentences import clause
+from robovast_operator.kube.untrusted_fields import mapping, text
 from robovast_operator.planning.accept import same_document
 from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.configurations import (

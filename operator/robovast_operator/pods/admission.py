@@ -9,8 +9,8 @@ from decimal import Decimal
 
 from kubernetes.utils.quantity import parse_quantity
 
-from robovast_operator.kube.lenient import mapping, mappings, metadata, text
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.untrusted_fields import mapping, mappings, metadata, text
 
 OWN_CPU_LIMIT = "500m"
 """CPU limit of our containers where a ResourceQuota requires one."""

@@ -10,15 +10,14 @@ from robovast.kubeapi.notice import Order
 from robovast.kubeapi.pod_contract.exit_codes import USELESS, AgentExit
 from robovast.kubeapi.pod_contract.mounts import DOCUMENT_FILE, PLAN_FILE
 from robovast.kubeapi.pod_contract.pack_request import AGENT, RUN, PackRequest
+from robovast.kubeapi.pod_contract.pod_facts import FILE, Sightings
 from robovast.kubeapi.pod_contract.pods import failure_policy, on_exit
-from robovast.kubeapi.pod_contract.sightings import FILE, Sightings
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_LABEL, SHARD_ROLE, Scheduling
 from robovast.kubeapi.share_job import ROLE as SHARE_ROLE
 from robovast.kubeapi.share_job import Upload, job_spec, pod_spec
 from robovast.model.packs import Bundle, CampaignPlan, Entry, GitSource, PlanSpec
 from robovast.model.quantities import cpus, memory
 from robovast.storage.bucket_names import BUNDLES_BUCKET
-from robovast_operator.kube.lenient import mapping
 from robovast_operator.kube.objects import Identity, Object
 from robovast_operator.kube.store import (
     CONFIGURATION_LABEL,
@@ -26,6 +25,7 @@ from robovast_operator.kube.store import (
     PRIORITY_LABEL,
     QUEUE_LABEL,
 )
+from robovast_operator.kube.untrusted_fields import mapping
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.planning.shards import ShardPlan
 from robovast_operator.pods.templates import inline_items, notify_pod, run_pod, task_pod

@@ -9,9 +9,9 @@ from datetime import datetime, timedelta
 from robovast.kubeapi.pod_contract.exit_codes import VERDICTS
 from robovast.kubeapi.pod_contract.pack_request import AGENT, FETCH
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE
-from robovast_operator.kube.lenient import mapping, mappings, number, text, time
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
+from robovast_operator.kube.untrusted_fields import mapping, mappings, number, text, time
 
 CONTAINERS_ANNOTATION = "robovast.io/containers"
 """Annotation of a pod: the names of its containers as we asked for them."""

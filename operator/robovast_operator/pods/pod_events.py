@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 
-from robovast_operator.kube.lenient import mapping, mappings, text, time
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.sentences import clause
 from robovast_operator.kube.times import parse_time
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.kube.untrusted_fields import mapping, mappings, text, time
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.pods.own import container_specs, containers_of, foreign_names
 from robovast_operator.pods.pod_status import foreign_trouble
 

@@ -11,12 +11,12 @@ from robovast.execution.compat import INCOMPATIBLE
 from robovast.kubeapi.pod_contract.exit_codes import NEVER_STARTED, VERDICTS, AgentExit
 from robovast.kubeapi.pod_contract.messages import error_in
 from robovast.kubeapi.pod_contract.pack_request import AGENT, INDEX_ANNOTATION, RUN
-from robovast.kubeapi.pod_contract.sightings import Sightings
-from robovast_operator.kube.lenient import LARGEST, mapping, mappings, number, ranges, text
+from robovast.kubeapi.pod_contract.pod_facts import Sightings
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.sentences import after_colon, sentence
 from robovast_operator.kube.times import parse_time
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.kube.untrusted_fields import LARGEST, mapping, mappings, number, ranges, text
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.pods.own import (
     COMPAT,
     blocking,

@@ -22,10 +22,10 @@ from robovast.kubeapi.pod_contract.messages import (
 from robovast.kubeapi.status import FAILING_LIMIT, Runs
 from robovast.model.packing import PackSample
 from robovast.model.repetition import GroupSizes
-from robovast_operator.kube.lenient import ranges, time
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.times import parse_time
-from robovast_operator.pods.findings import Final, Trouble
+from robovast_operator.kube.untrusted_fields import ranges, time
+from robovast_operator.pods.observations import Final, Trouble
 from robovast_operator.pods.own import ending_of, has_verdict
 from robovast_operator.pods.pod_status import index_of, message_of, trouble_of
 from robovast_operator.pods.verdicts import Report

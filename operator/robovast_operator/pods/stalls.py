@@ -7,12 +7,12 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from itertools import chain
 
-from robovast_operator.kube.lenient import mapping, mappings, ranges, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.sentences import after_colon
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import parse_time
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.kube.untrusted_fields import mapping, mappings, ranges, text
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.pods.own import containers_of, has_verdict
 from robovast_operator.pods.pod_status import index_of, most_telling, troubles_of
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from robovast.agent.scripts import AWAIT, FOLDER, SHELL, START
-from robovast.agent.silence import SILENT
+from robovast.agent.silent_runs import SILENT
 from robovast.base.docstrings import WITHOUT
 from robovast.common.execution import COMPAT_VERSION
 from robovast.execution.compat import COMPAT_SCRIPT
@@ -20,6 +20,7 @@ from robovast.execution.contract import CONFIG, OUT
 from robovast.kubeapi.notice import NOTICE_VARIABLE, Order
 from robovast.kubeapi.pod_contract.mounts import SECRET_MODE, Mount
 from robovast.kubeapi.pod_contract.pack_request import AGENT, PackRequest
+from robovast.kubeapi.pod_contract.pod_facts import FILE
 from robovast.kubeapi.pod_contract.pods import (
     OWN_USER,
     confined,
@@ -27,7 +28,6 @@ from robovast.kubeapi.pod_contract.pods import (
     own_container,
     spread,
 )
-from robovast.kubeapi.pod_contract.sightings import FILE
 from robovast.kubeapi.pod_contract.storage_address import address_variables
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL, Scheduling
 from robovast.kubeapi.secret_names import may_be_named, refusal

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from robovast.base.ranges import Span, clip, contains, count, merge, shift, subtract
 from robovast.model.packs import PlanSpec
 from robovast.model.repetition import GroupSizes
-from robovast_operator.kube.lenient import ranges
 from robovast_operator.kube.store import JobState
+from robovast_operator.kube.untrusted_fields import ranges
 from robovast_operator.planning.shards import ShardPlan
 
 

@@ -12,11 +12,11 @@ from kubernetes.utils.quantity import parse_quantity
 
 from robovast.base.ranges import count
 from robovast.kubeapi.status import QueuePlace
-from robovast_operator.kube.lenient import mappings, number, ranges, shaped, text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.sentences import after_colon, clause
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, parse_time
+from robovast_operator.kube.untrusted_fields import mappings, number, ranges, shaped, text
 
 PARKED = "robovast.io/parked"
 """Annotation of a Workload that was taken out of its queue because its campaign is suspended."""

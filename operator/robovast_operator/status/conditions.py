@@ -10,7 +10,7 @@ from robovast_operator.kube.objects import Object
 from robovast_operator.kube.sentences import clause
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.snapshot import Snapshot
 
 

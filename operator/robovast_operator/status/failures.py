@@ -6,7 +6,7 @@ from robovast.base.errors import RobovastError
 from robovast_operator.kube.api import ApiError
 from robovast_operator.kube.sentences import after_colon, clause, sentence
 from robovast_operator.pods.admission import NamespaceLimits, explain
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.pods.own import OWN
 
 _QUOTA = ("exceeded quota", "status unknown for quota")

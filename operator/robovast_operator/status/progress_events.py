@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from robovast.kubeapi.status import CampaignStatus
 from robovast_operator.kube.events import EventContent
-from robovast_operator.pods.findings import MISHAPS
+from robovast_operator.pods.observations import MISHAPS
 from robovast_operator.snapshot import Snapshot
 
 

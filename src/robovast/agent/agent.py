@@ -19,7 +19,7 @@ from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
 from robovast.agent.preparation import prepare_apart
 from robovast.agent.results import SNAPSHOT_INTERVAL, PodResults
-from robovast.agent.silence import SILENT, Silence
+from robovast.agent.silent_runs import SILENT, Silence
 from robovast.agent.untrusted_files import SIDE_BY_SIDE
 from robovast.base.errors import StorageError
 from robovast.base.safe_paths import pinned

@@ -14,7 +14,7 @@ from typing import BinaryIO
 from robovast.agent.pack import job_name
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import RUN_RECORD, parameters_key
-from robovast.campaign.places import Keys
+from robovast.campaign.object_keys import Keys
 from robovast.campaign.run_files import FileList, StoredFile, Writer, write_list
 from robovast.campaign.run_record import RunRecord, parse_run_record
 from robovast.campaign.verdict import Verdict

@@ -17,7 +17,7 @@ from itertools import groupby
 from robovast.agent.bucket import Bucket
 from robovast.agent.untrusted_files import SIDE_BY_SIDE
 from robovast.campaign.layout import RUN_RECORD
-from robovast.campaign.places import run_of
+from robovast.campaign.object_keys import run_of
 from robovast.campaign.run_files import FileList, StoredFile
 from robovast.campaign.run_record import RunRecord
 from robovast.storage.bucket_runs import listed_files

@@ -18,7 +18,7 @@ from robovast.agent.check import check_runs
 from robovast.agent.compose import store_inputs
 from robovast.agent.composed import ComposedVariants
 from robovast.agent.mounts import Folders
-from robovast.agent.sightings import completed, read_sightings
+from robovast.agent.pod_facts import completed, read_sightings
 from robovast.agent.untrusted_files import SIDE_BY_SIDE, store_own_tree
 from robovast.base.errors import CannotRunError
 from robovast.base.printable import printable

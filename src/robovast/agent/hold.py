@@ -30,7 +30,7 @@ def hold(folders: Folders, request: PackRequest) -> int:
     try:
         with call_on_signals(stop.set):
             code = prepare_apart(folders, request, stop)
-            while code == 0 and not stop.is_set():  # as in `apart`
+            while code == 0 and not stop.is_set():  # as in `separate_process`
                 time.sleep(LOOK)
             return code
     finally:

@@ -11,7 +11,7 @@ from typing import Protocol
 from robovast.agent.container_control import RunContainer
 from robovast.agent.mounts import Folders
 from robovast.agent.pack import PodStart
-from robovast.agent.silence import Silence
+from robovast.agent.silent_runs import Silence
 from robovast.base import safe_paths
 from robovast.base.backoff import wait_until
 from robovast.base.stopwatch import Stopwatch

@@ -10,10 +10,10 @@ import signal
 from threading import Event
 
 from robovast.agent import quick_start
-from robovast.agent.apart import apart
 from robovast.agent.container_control import RunContainer
 from robovast.agent.mounts import Folders
 from robovast.agent.reporting import reported
+from robovast.agent.separate_process import apart
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, KilledError
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 

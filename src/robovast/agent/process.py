@@ -17,7 +17,7 @@ from robovast.analysis.postprocessing.events import Failure, Options, Postproces
 from robovast.analysis.postprocessing.session import postprocess
 from robovast.base.errors import ExitCode, InputError, StorageError
 from robovast.campaign.layout import RUN_RECORD
-from robovast.campaign.places import Keys, run_of
+from robovast.campaign.object_keys import Keys, run_of
 from robovast.campaign.run_files import StoredFile, Writer, escaped, is_writers
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit

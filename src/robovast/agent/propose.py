@@ -29,7 +29,7 @@ from robovast.base.atomic import write_atomically
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.configurations import read_variants
 from robovast.campaign.layout import CONFIGURATIONS, SEARCH, Layout
-from robovast.campaign.places import run_of
+from robovast.campaign.object_keys import run_of
 from robovast.campaign.run_files import escaped
 from robovast.execution.generate import write_configurations
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
@@ -48,12 +48,12 @@ from robovast.model.growing import GrowingPlan
 from robovast.model.naming import CAMPAIGN_STORE, CONFIG
 from robovast.model.packs import Block, format_breaks
 from robovast.model.plan import breaks
+from robovast.search.batches import Rounds
 from robovast.search.ending import Stop
 from robovast.search.history import SearchHistory
 from robovast.search.plugins import make_extractor
 from robovast.search.processing import call_postprocessing
 from robovast.search.proposing import with_runs
-from robovast.search.rounds import Rounds
 from robovast.search.store import write_search_store
 from robovast.storage.bucket_ownership import owner_of
 from robovast.storage.download import Silent, download_campaign

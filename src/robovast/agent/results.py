@@ -15,17 +15,17 @@ from typing import BinaryIO
 
 from robovast.agent.bucket import Bucket
 from robovast.agent.claims import claim_job
-from robovast.agent.offers import make_offer
 from robovast.agent.pack import Pack
+from robovast.agent.reusable_runs import make_offer
 from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
 from robovast.base.errors import StorageError
 from robovast.campaign.checksums import recorded
 from robovast.campaign.layout import JOBS, LOGS, SYSTEM_LOG
-from robovast.campaign.own_names import set_own_names_aside
-from robovast.campaign.places import Keys
+from robovast.campaign.object_keys import Keys
 from robovast.campaign.records import Circumstances, EndedRun, copied_record, make_record
+from robovast.campaign.reserved_names import set_own_names_aside
 from robovast.campaign.run_files import MOST_TOLD, StoredFile, Writer, escaped
 from robovast.campaign.run_record import RunRecord
 from robovast.model.plan import PackStart, Run

@@ -11,15 +11,15 @@ from typing import TypeVar
 
 from robovast.agent.bucket import seen_record
 from robovast.agent.campaign import PodCampaign
-from robovast.agent.offers import find_offer, is_result
 from robovast.agent.pack import KeyParts, Pack, PodStart
 from robovast.agent.results import PodResults
+from robovast.agent.reusable_runs import find_offer, is_result
 from robovast.base import safe_paths
 from robovast.base.containers import named_digest
 from robovast.base.errors import RefusedError, StorageError
 from robovast.base.printable import is_printable, printable
 from robovast.campaign.layout import JOBS, OWN_NAMES
-from robovast.campaign.places import is_plain
+from robovast.campaign.object_keys import is_plain
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict, read_test_result
 from robovast.execution.run_key import common_key, own_parts

@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 from robovast.base import safe_paths
 from robovast.campaign.layout import OWN_NAMES
-from robovast.campaign.places import is_plain
+from robovast.campaign.object_keys import is_plain
 
 MOST_FILES = 200
 """Most files of a run whose checksums its record has room for."""

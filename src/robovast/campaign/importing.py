@@ -12,7 +12,7 @@ from robovast.base.printable import one_line
 from robovast.campaign.archive import refuse_links_out, unpack
 from robovast.campaign.imported import mark_imported
 from robovast.campaign.layout import Layout
-from robovast.campaign.places import OF_ONE_MACHINE
+from robovast.campaign.object_keys import OF_ONE_MACHINE
 from robovast.model.naming import holds_campaign
 
 _SUFFIXES = (".tar.gz", ".tgz", ".tar.xz", ".tar.bz2", ".tar", ".zip")

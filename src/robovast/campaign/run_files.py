@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from robovast.campaign.layout import RUN_RECORD
-from robovast.campaign.places import is_plain
+from robovast.campaign.object_keys import is_plain
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

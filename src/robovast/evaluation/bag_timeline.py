@@ -12,8 +12,8 @@ from pathlib import Path
 
 from robovast.base.bounds import Bound
 from robovast.base.errors import InputError
+from robovast.evaluation.confined_files import MissingError, resolved
 from robovast.evaluation.drive.recording import open_files
-from robovast.evaluation.inside import MissingError, resolved
 
 BINS = 150
 """Number of intervals into which a bag's time is divided."""

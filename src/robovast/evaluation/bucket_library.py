@@ -13,13 +13,13 @@ from robovast.analysis.tables.stored import StoredTables
 from robovast.base.atomic import discard
 from robovast.base.errors import InputError
 from robovast.campaign.layout import CONFIGURATIONS, EXECUTION_RECORD, JOBS, SEARCH
-from robovast.campaign.places import run_of
+from robovast.campaign.object_keys import run_of
 from robovast.campaign.run_record import read_run_record
 from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.campaigns import is_search
 from robovast.evaluation.library import Library
 from robovast.evaluation.tabled_campaign import read_variants
-from robovast.evaluation.untrusted import read_yaml
+from robovast.evaluation.untrusted_data import read_yaml
 from robovast.model.naming import CONFIG, EXECUTION
 from robovast.storage.download import Silent, download_campaign
 from robovast.storage.s3 import ObjectStore

@@ -20,7 +20,7 @@ from robovast.campaign.layout import EXECUTION_RECORD
 from robovast.campaign.planned_runs import planned_runs
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaigns import active_jobs, is_own_folder, is_search
-from robovast.evaluation.inside import resolved
+from robovast.evaluation.confined_files import resolved
 from robovast.evaluation.mirrored_jobs import mirrored_jobs
 from robovast.evaluation.stored_runs import read_variant
 from robovast.evaluation.summaries import (
@@ -31,7 +31,7 @@ from robovast.evaluation.summaries import (
     decision_of,
     seconds,
 )
-from robovast.evaluation.untrusted import read_yaml
+from robovast.evaluation.untrusted_data import read_yaml
 from robovast.model.naming import CONFIG
 
 SETTLED = 2.0

@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robovast.campaign.failure_groups import FailureGroup, cause_key, failure_groups
-from robovast.evaluation.about import About, Change, about, changes
 from robovast.evaluation.campaign_index import CampaignIndex
+from robovast.evaluation.campaign_inputs import About, Change, about, changes
 from robovast.evaluation.compare import Comparison, compare
-from robovast.evaluation.endings import LogEnd, draw_ending, log_end, worst_run
-from robovast.evaluation.explained import Explained, explain
+from robovast.evaluation.factors import Explained, explain
 from robovast.evaluation.matrix import Matrix, matrix
 from robovast.evaluation.rates import CampaignRates, VariantRate, campaign_rates
+from robovast.evaluation.run_endings import LogEnd, draw_ending, log_end, worst_run
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 
 MOST_WORST = 6

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Literal
 
-from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.confined_files import MissingError, resolved
 
 FileKind = Literal["table", "log", "text", "image", "video", "other"]
 

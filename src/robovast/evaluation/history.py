@@ -20,15 +20,15 @@ from robovast.campaign.decisions import recorded_test
 from robovast.campaign.layout import EXECUTION_RECORD, SCENARIO_CONFIG, VARIANT_RECORD
 from robovast.campaign.planned_runs import is_fixed, planned_runs
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.about import digests, read_document
+from robovast.evaluation.campaign_inputs import digests, read_document
 from robovast.evaluation.campaigns import find_campaigns, is_search
 from robovast.evaluation.configuration_index import ConfigurationIndex
-from robovast.evaluation.inside import MissingError
+from robovast.evaluation.confined_files import MissingError
 from robovast.evaluation.rates import Rate, rate_of
 from robovast.evaluation.run import run_record
 from robovast.evaluation.stored_runs import read_variant
 from robovast.evaluation.summaries import VariantRuns, seconds
-from robovast.evaluation.untrusted import mapping, read_yaml
+from robovast.evaluation.untrusted_data import mapping, read_yaml
 from robovast.model.naming import CONFIG
 
 MOST_NAMED = 4

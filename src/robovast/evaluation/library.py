@@ -10,10 +10,10 @@ from threading import Lock
 
 from robovast.base.errors import InputError
 from robovast.base.safe_paths import read_file
-from robovast.campaign.places import OMITTED
+from robovast.campaign.object_keys import OMITTED
 from robovast.evaluation.campaign_index import CampaignIndex
 from robovast.evaluation.campaigns import find_campaigns
-from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.confined_files import MissingError, resolved
 from robovast.evaluation.summaries import CampaignSummary
 from robovast.model.naming import holds_campaign
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robovast.base.errors import InputError
 from robovast.campaign.log_lines import without_escapes
-from robovast.evaluation.inside import open_inside
+from robovast.evaluation.confined_files import open_inside
 from robovast.evaluation.logs import PART, LogLine, question_of_run, read_log
 from robovast.evaluation.run import logs_of, run_record
 

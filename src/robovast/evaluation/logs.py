@@ -12,7 +12,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from robovast.campaign.log_lines import BAD, LEVELS, parse_line, without_escapes
 from robovast.campaign.reasons import says_error
-from robovast.evaluation.inside import open_inside
+from robovast.evaluation.confined_files import open_inside
 from robovast.evaluation.summaries import seconds
 
 PAGE = 2000

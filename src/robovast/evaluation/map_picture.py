@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
 from robovast.campaign.layout import CONFIGURATIONS
-from robovast.evaluation.inside import MissingError, open_inside, read_small
-from robovast.evaluation.untrusted import LONGEST, MOST_VALUES, mapping, parse_yaml
+from robovast.evaluation.confined_files import MissingError, open_inside, read_small
+from robovast.evaluation.untrusted_data import LONGEST, MOST_VALUES, mapping, parse_yaml
 from robovast.model.naming import CONFIG, CONFIG_MOUNT
 
 if TYPE_CHECKING:
+    from robovast.navigation.drawing import Mark
     from robovast.navigation.occupancy import OccupancyMap
-    from robovast.navigation.picture import Mark
 
 RECORD = "_navigation"
 _MAP_LINE = re.compile(rf"^  {RECORD}:\n(?:    .*\n|\n)*?    (map_file: .*\n)", re.MULTILINE)
@@ -44,7 +44,7 @@ def draw_map(results: Path, campaign: str, variant: str, more: Sequence[Mark] = 
     from robovast.base.optional_deps import NAV
 
     with NAV.needed_by("The picture of a configuration"):
-        from robovast.navigation.picture import marks, to_svg
+        from robovast.navigation.drawing import marks, to_svg
     entry = entries(results, campaign, [variant]).get(variant, {})
     record = mapping(entry.get(RECORD))
     occupancy = read_configuration_map(results, campaign, variant, record)

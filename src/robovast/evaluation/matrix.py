@@ -13,7 +13,7 @@ from typing import Any
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.effects import as_text, is_number
 from robovast.evaluation.summaries import VariantRuns
-from robovast.evaluation.untrusted import mapping
+from robovast.evaluation.untrusted_data import mapping
 
 MOST_GROUPS = 24
 """Numbers with more different values are put in ranges."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from robovast.base.errors import InputError
 from robovast.base.sqlite_files import opened
 from robovast.campaign.layout import SQLITE_TABLES
-from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.confined_files import MissingError, resolved
 
 AGGREGATES = {"mean": "avg", "least": "min", "most": "max", "sum": "sum"}
 """Aggregate functions, and their names in SQLite."""

@@ -19,7 +19,7 @@ from pathlib import Path
 from robovast.base.atomic import discard, sweep, write_atomically
 from robovast.base.errors import StorageError
 from robovast.base.safe_paths import read_file
-from robovast.campaign.places import OMITTED, ORIGIN
+from robovast.campaign.object_keys import OMITTED, ORIGIN
 from robovast.model.naming import TRANSIENT, get_campaign_timestamp, is_campaign_dir
 from robovast.model.packs import Owner
 from robovast.storage.bucket_ownership import owner_of

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from robovast.base.ranges import parse_ranges
 from robovast.campaign.layout import JOBS, SYSTEM_LOG, parameters_key
-from robovast.campaign.places import ORIGIN
+from robovast.campaign.object_keys import ORIGIN
 from robovast.evaluation.summaries import ActiveJob, VariantRuns
 
 RECENT = 150.0

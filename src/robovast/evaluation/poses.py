@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from robovast.base.errors import InputError
-from robovast.evaluation.inside import open_inside
+from robovast.evaluation.confined_files import open_inside
 from robovast.evaluation.tables import Cell, Table, read_table
 
 POSES = "poses.csv"

@@ -21,12 +21,12 @@ from robovast.campaign.layout import (
     SYSINFO,
     TEST_RESULT,
 )
-from robovast.evaluation.drive.finding import bags_in
+from robovast.evaluation.confined_files import read_small, resolved
+from robovast.evaluation.drive.bag_discovery import bags_in
 from robovast.evaluation.files import FileEntry, list_files
-from robovast.evaluation.inside import read_small, resolved
 from robovast.evaluation.launch.commands import as_shell, repeat_words
 from robovast.evaluation.map_picture import has_map
-from robovast.evaluation.untrusted import LONGEST, mapping, parse_json, read_yaml
+from robovast.evaluation.untrusted_data import LONGEST, mapping, parse_json, read_yaml
 
 _WHOLE = re.compile(r"[0-9]{1,20}")
 

@@ -19,12 +19,12 @@ from pydantic import ValidationError
 
 from robovast.base.errors import InputError
 from robovast.campaign.layout import EXECUTION_RECORD, SEARCH, Layout
-from robovast.evaluation.about import read_document
-from robovast.evaluation.inside import resolved
+from robovast.evaluation.campaign_inputs import read_document
+from robovast.evaluation.confined_files import resolved
 from robovast.evaluation.launch.commands import continue_words
 from robovast.evaluation.library import Library
 from robovast.evaluation.summaries import CampaignSummary
-from robovast.evaluation.untrusted import read_yaml
+from robovast.evaluation.untrusted_data import read_yaml
 from robovast.model.document.search.plugins import BUILT_IN, STRATEGIES
 from robovast.model.document.search.section import Search
 from robovast.model.document.search.space import at, place, ticks

@@ -13,7 +13,7 @@ from typing import Any
 from robovast.campaign.layout import RUN_RECORD, SCENARIO_CONFIG, VARIANT_RECORD
 from robovast.campaign.run_record import RunRecord, parse_known, result_without_record
 from robovast.evaluation.summaries import LISTED, RunSummary, VariantRuns
-from robovast.evaluation.untrusted import mapping, plain, read_yaml
+from robovast.evaluation.untrusted_data import mapping, plain, read_yaml
 from robovast.model.variations.factors import factor_units, factor_values
 
 LARGEST = 1 << 20

@@ -16,7 +16,7 @@ from robovast.base.errors import InputError, StorageError
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaign_index import by_number
 from robovast.evaluation.summaries import LISTED, RunSummary, VariantRuns
-from robovast.evaluation.untrusted import parse_json, plain
+from robovast.evaluation.untrusted_data import parse_json, plain
 
 _OWN = "|".join(["config", "entry", *LISTED])
 _RUNS = (

@@ -14,7 +14,7 @@ from typing import BinaryIO, TypeVar
 from robovast.analysis.tables.csv_files import csv_rows
 from robovast.analysis.tables.spelling import number_in
 from robovast.base.errors import InputError
-from robovast.evaluation.inside import open_inside
+from robovast.evaluation.confined_files import open_inside
 
 MOST_ROWS = 2000
 MOST_COLUMNS = 16

@@ -8,8 +8,8 @@ from typing import Any, Literal
 from fastmcp import FastMCP
 
 from robovast.base.errors import InputError
+from robovast.evaluation.confined_files import open_inside
 from robovast.evaluation.files import MOST_FILES, list_files
-from robovast.evaluation.inside import open_inside
 from robovast.evaluation.logs import LogLine, LogQuestion, read_log
 from robovast.evaluation.tables import Table, read_table
 from robovast.mcp.bounds import MOST_BYTES, fitted, page, size

@@ -13,9 +13,9 @@ from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import compare
 from robovast.evaluation.configuration_index import default_index
-from robovast.evaluation.explained import Explanations
+from robovast.evaluation.confined_files import MissingError
+from robovast.evaluation.factors import Explanations
 from robovast.evaluation.history import history
-from robovast.evaluation.inside import MissingError
 from robovast.evaluation.library import Library
 from robovast.evaluation.rates import IntervalOf, interval_for, sample
 from robovast.evaluation.run import read_run

@@ -11,7 +11,7 @@ from fastmcp import FastMCP
 from robovast.analysis.provenance.query import query_names, read_query
 from robovast.base.errors import InputError
 from robovast.campaign.layout import COLUMNAR_TABLES
-from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.confined_files import MissingError, resolved
 from robovast.evaluation.library import Library
 from robovast.mcp.question import answer
 from robovast.mcp.tools import add_tools

@@ -12,7 +12,7 @@ from fastmcp import FastMCP
 
 from robovast.base.errors import InputError
 from robovast.campaign.layout import SEARCH, Layout
-from robovast.evaluation.inside import MissingError, resolved
+from robovast.evaluation.confined_files import MissingError, resolved
 from robovast.evaluation.library import Library
 from robovast.mcp.bounds import page
 from robovast.mcp.tools import add_tools

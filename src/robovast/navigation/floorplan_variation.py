@@ -205,7 +205,7 @@ class FloorplanGeneration(_FloorplanVariation):
     CONFIG_CLASS = FloorplanGenerationConfig
 
     def _plans(self) -> Iterator[_Plan]:
-        from robovast.navigation.floorplan.about import read_about
+        from robovast.navigation.floorplan.header import read_about
 
         names: dict[str, str] = {}
         for file in self.parameters.floorplans:
@@ -242,7 +242,7 @@ class FloorplanVariation(_FloorplanVariation):
         yield from sorted(drawn, key=lambda plan: plan.name)
 
     def _drawn_by(self, file: str) -> Iterator[_Plan]:
-        from robovast.navigation.floorplan.about import read_about
+        from robovast.navigation.floorplan.header import read_about
         from robovast.navigation.floorplan.sampling import read_variation
 
         path = Path(os.path.realpath(Path(self.base_path) / file))

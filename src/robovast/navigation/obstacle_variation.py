@@ -28,7 +28,7 @@ from robovast.navigation.sizes import radius_of
 
 if TYPE_CHECKING:
     from robovast.navigation.costmap import Costmap
-    from robovast.navigation.placing import Course, ObstacleKind, Placed
+    from robovast.navigation.obstacle_placement import Course, ObstacleKind, Placed
 
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Several = NotNegative | Annotated[list[NotNegative], Field(min_length=1)]
@@ -110,8 +110,8 @@ class ObstacleVariation(NavigationVariation):
         """Each configuration with each placement of obstacles."""
         made = []
         with NAV.needed_by(type(self).__name__):
+            from robovast.navigation.obstacle_placement import PlacingError
             from robovast.navigation.paths import NoPathError
-            from robovast.navigation.placing import PlacingError
 
             for config in in_configs:
                 try:
@@ -121,7 +121,7 @@ class ObstacleVariation(NavigationVariation):
         return made
 
     def _made(self, config: Config) -> Iterator[Config]:
-        from robovast.navigation.placing import place
+        from robovast.navigation.obstacle_placement import place
 
         costmap = self.costmap(config, self.parameters.map_file, self.parameters.robot_diameter)
         for skip in self._skips():
@@ -141,7 +141,7 @@ class ObstacleVariation(NavigationVariation):
 
     def _course(self, config: Config, costmap: Costmap, skip: float) -> Course:
         """The path of a previous variation; empty if there is none."""
-        from robovast.navigation.placing import Course
+        from robovast.navigation.obstacle_placement import Course
 
         del costmap
         record = config.get(RECORD, {})
@@ -158,7 +158,7 @@ class ObstacleVariation(NavigationVariation):
         amount_per_m: float | None,
         max_distance: float | None,
     ) -> ObstacleKind:
-        from robovast.navigation.placing import ObstacleKind
+        from robovast.navigation.obstacle_placement import ObstacleKind
 
         if not course.points and (amount_per_m is not None or max_distance is not None):
             raise self.error(
@@ -226,8 +226,8 @@ class ObstacleVariationWithDistanceTrigger(ObstacleVariation):
 
     def _course(self, config: Config, costmap: Costmap, skip: float) -> Course:
         """The path between the given poses, or that of a previous variation."""
+        from robovast.navigation.obstacle_placement import Course
         from robovast.navigation.paths import Wish, measured_path, require_passable
-        from robovast.navigation.placing import Course
 
         start = self._pose(config, self.parameters.start_pose)
         goal = self._pose(config, self.parameters.goal)

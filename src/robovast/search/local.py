@@ -37,12 +37,12 @@ from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition
 from robovast.model.plan import plan_variants
+from robovast.search.batches import Rounds
 from robovast.search.ending import Stop
 from robovast.search.history import SearchHistory
 from robovast.search.plugins import make_extractor
 from robovast.search.processing import call_postprocessing
 from robovast.search.proposing import first_batch, with_batches, with_runs
-from robovast.search.rounds import Rounds
 from robovast.search.store import write_search_store
 from robovast.search.types import SearchReport
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from robovast.campaign.layout import RUN_RECORD
-from robovast.campaign.places import set_apart
+from robovast.campaign.object_keys import set_apart
 from robovast.campaign.run_files import (
     FileList,
     StoredFile,

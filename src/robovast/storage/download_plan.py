@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.campaign.layout import RUN_RECORD
-from robovast.campaign.places import run_of, set_apart, why_no_place
+from robovast.campaign.object_keys import run_of, set_apart, why_no_place
 from robovast.campaign.run_files import is_writers, shown
 from robovast.storage.bucket_runs import BucketFile, RunObjects
 from robovast.storage.s3 import StoredObject

@@ -97,18 +97,18 @@ COVERED: dict[str, tuple[str, ...]] = {
         *("search/local", "search/store"),
     ),
     "page": (
-        *("evaluation/about", "evaluation/configuration_index"),
+        *("evaluation/campaign_inputs", "evaluation/configuration_index"),
         *("evaluation/map_picture", "evaluation/notebooks/workloads"),
         *("evaluation/poses", "evaluation/server/searches"),
-        "evaluation/untrusted",
+        "evaluation/untrusted_data",
     ),
 }
 """Modules of `robovast` by the reader that makes them parse mutated files."""
 TRUSTED: dict[str, tuple[str, ...]] = {
     "an answer of the user's own cluster, or an object that its API server validated": (
-        *("agent/campaign", "agent/composed", "agent/notify", "agent/offers", "agent/pack"),
+        *("agent/campaign", "agent/composed", "agent/notify", "agent/reusable_runs", "agent/pack"),
         *("kubeapi/cluster_config/capacity", "kubeapi/pod_contract/packed"),
-        *("kubeapi/pod_contract/sightings", "kubeapi/submission", "kube/api", "kube/planned_runs"),
+        *("kubeapi/pod_contract/pod_facts", "kubeapi/submission", "kube/api", "kube/planned_runs"),
         *("kube/runs", "commands/exec/cluster/chart"),
     ),
     "what this process, or a child that it started, wrote": (

@@ -33,7 +33,7 @@ from robovast_operator.planning.campaign import Accepted, Revision
 from robovast_operator.planning.proposals import first_plan
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan
-from robovast_operator.pods.findings import Final, PodFindings
+from robovast_operator.pods.observations import Final, PodFindings
 from robovast_operator.pods.verdicts import Report
 from robovast_operator.settings import OperatorSettings
 from robovast_operator.snapshot import Snapshot

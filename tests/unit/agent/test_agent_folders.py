@@ -18,7 +18,7 @@ from robovast.agent.mounts import Folders
 from robovast.agent.pack import Pack, PodStart, read_pack
 from robovast.agent.pod_process import follow_job
 from robovast.agent.scripts import START
-from robovast.agent.silence import Silence
+from robovast.agent.silent_runs import Silence
 from robovast.campaign.records import EndedRun
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, exit_code_of

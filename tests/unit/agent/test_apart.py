@@ -12,7 +12,7 @@ from threading import Event, Thread
 
 import pytest
 
-from robovast.agent.apart import apart
+from robovast.agent.separate_process import apart
 
 
 def nothing() -> None:

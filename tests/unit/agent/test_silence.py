@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from robovast.agent import silence as silence_module
-from robovast.agent.silence import Silence
+from robovast.agent import silent_runs as silence_module
+from robovast.agent.silent_runs import Silence
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ import pytest
 from robovast.agent import untrusted_files
 from robovast.agent.untrusted_files import open_files, store_files
 from robovast.base import safe_paths
-from robovast.campaign.own_names import set_own_names_aside
+from robovast.campaign.reserved_names import set_own_names_aside
 from robovast.campaign.run_files import MissingFile, room_of
 
 NOBODY = 65534

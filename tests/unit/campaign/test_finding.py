@@ -13,7 +13,7 @@ from support.campaigns.finished import finished_campaign
 
 from robovast.analysis.provenance import write_metadata
 from robovast.base.errors import InputError
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.importing import import_archive
 from robovast.campaign.layout import Layout
 from robovast.campaign.merge import merge_campaigns

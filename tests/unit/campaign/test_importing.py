@@ -18,8 +18,8 @@ from support.faults.killing import begin_dying, deaths
 
 from robovast.base.errors import InputError, StorageError
 from robovast.campaign.archive import LEAST_ROOM
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.executables import executables_of, warn_of_executables
-from robovast.campaign.finding import find_campaigns
 from robovast.campaign.importing import import_archive
 
 NAME = "my-campaign-2026-03-05-121530"

@@ -13,7 +13,7 @@ from support.faults.killing import begin_dying, deaths
 from support.faults.small_disk import small_disk
 
 from robovast.base.errors import InputError, StorageError
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.merge import merge_campaigns
 from robovast.campaign.planned_runs import planned_runs
 from robovast.campaign.run_record import RunRecord, read_run_record

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robovast.campaign.places import Keys, run_of, set_apart, why_no_place
+from robovast.campaign.object_keys import Keys, run_of, set_apart, why_no_place
 
 
 @pytest.mark.parametrize(

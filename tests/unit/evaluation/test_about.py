@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.campaigns.stored import NAME, write, write_campaign
 
-from robovast.evaluation.about import SourceFile, about, changes
+from robovast.evaluation.campaign_inputs import SourceFile, about, changes
 
 LATER = "hall-2026-03-05-090000"
 DOCUMENT = """\
@@ -78,7 +78,7 @@ def test_a_long_difference_is_cut_and_says_so(results: Path) -> None:
 def test_when_comparing_lines_takes_too_long_it_is_told_which_files_differ(
     results: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("robovast.evaluation.about._SECONDS", 0.0)
+    monkeypatch.setattr("robovast.evaluation.campaign_inputs._SECONDS", 0.0)
     for number in range(3):
         write(results / NAME / "_config" / f"{number}.txt", "old\n")
         write(results / LATER / "_config" / f"{number}.txt", "new\n")

@@ -11,8 +11,8 @@ import pytest
 from support.campaigns.stored import NAME, write_campaign, write_run
 
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation import explained
-from robovast.evaluation.explained import Explanations, explain
+from robovast.evaluation import factors
+from robovast.evaluation.factors import Explanations, explain
 from robovast.evaluation.library import Library
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 
@@ -75,11 +75,11 @@ def test_an_analysis_is_kept_until_the_campaign_changes(
     root = write_campaign(tmp_path, outputs=False)
     made: list[int] = []
 
-    def counted(variants: list[VariantRuns]) -> explained.Explained:
+    def counted(variants: list[VariantRuns]) -> factors.Explained:
         made.append(len(variants))
         return explain(variants)
 
-    monkeypatch.setattr(explained, "explain", counted)
+    monkeypatch.setattr(factors, "explain", counted)
     explanations = Explanations(Library(tmp_path))
     first = explanations.of(NAME)
     assert explanations.of(NAME) == first

@@ -128,7 +128,7 @@ def test_a_file_that_is_gone_is_a_change(tmp_path: Path, path: str) -> None:
 
 
 def test_a_changed_file_of_any_size_is_a_change_of_a_comparison(tmp_path: Path) -> None:
-    from robovast.evaluation.about import changes
+    from robovast.evaluation.campaign_inputs import changes
 
     results = tmp_path / "results"
     campaign(results, FIRST)

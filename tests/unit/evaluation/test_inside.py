@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from robovast.base.errors import InputError
-from robovast.evaluation.inside import MissingError, OutsideError, open_inside, read_small
-from robovast.evaluation.untrusted import parse_json, parse_yaml
+from robovast.evaluation.confined_files import MissingError, OutsideError, open_inside, read_small
+from robovast.evaluation.untrusted_data import parse_json, parse_yaml
 
 
 @pytest.fixture

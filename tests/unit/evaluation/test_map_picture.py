@@ -12,7 +12,7 @@ from support.campaigns.stored import MOVES, NAME, add_map, record_moves, write, 
 
 from robovast.base.errors import InputError
 from robovast.base.serialization import dump_yaml
-from robovast.evaluation.inside import OutsideError
+from robovast.evaluation.confined_files import OutsideError
 from robovast.evaluation.map_picture import draw_map, has_map
 from robovast.evaluation.run import read_run
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robovast.base.errors import InputError
-from robovast.campaign.places import OMITTED
+from robovast.campaign.object_keys import OMITTED
 from robovast.evaluation import mirror as mirror_module
 from robovast.evaluation.library import Library
 from robovast.evaluation.mirror import fitting, in_bytes, mirror

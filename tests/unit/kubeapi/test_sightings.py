@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast.kubeapi.pod_contract.sightings import Sightings
+from robovast.kubeapi.pod_contract.pod_facts import Sightings
 
 IMAGE = "registry:5000/runs@sha256:" + "0" * 64
 names = st.text("ab-0", min_size=1, max_size=8)

@@ -12,7 +12,7 @@ from robovast.kubeapi.status import Condition
 from robovast_operator.kube import conditions
 from robovast_operator.kube.events import EventContent
 from robovast_operator.planning.campaign import Rejected
-from robovast_operator.pods.findings import Mishap, Trouble
+from robovast_operator.pods.observations import Mishap, Trouble
 from robovast_operator.pods.waiting import Waiting
 
 CUT = 4000

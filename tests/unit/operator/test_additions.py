@@ -25,8 +25,8 @@ from robovast.kubeapi.status import (
 from robovast.model.document import load_document
 from robovast.model.expansion import compose
 from robovast.model.packs import Block, Entry, PlanSpec
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.planning.accept import Files
 from robovast_operator.planning.additions import Additions, expand_alone, with_additions
 from robovast_operator.planning.campaign import Rejected, Revision

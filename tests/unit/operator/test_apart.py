@@ -13,8 +13,8 @@ from support.kube.fake_cluster import SCENARIO, SETTINGS, campaign
 
 from robovast.base.errors import InputError
 from robovast_operator.planning.accept import accept
-from robovast_operator.planning.apart import Apart, Bounds, TooLargeError
 from robovast_operator.planning.campaign import Accepted
+from robovast_operator.planning.separate_processes import Apart, Bounds, TooLargeError
 
 FILES = {"scenario.osc": SCENARIO.encode()}
 SMALL = Bounds(60.0, 64 * 2**20)

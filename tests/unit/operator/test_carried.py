@@ -13,19 +13,19 @@ from support.kube.carried_files import inputs_of, shown
 from support.kube.fake_cluster import SCENARIO, SETTINGS, accepted
 
 from robovast.base.errors import InputError
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.store import JobState
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.planning.campaign import Accepted
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import first_attempts
-from robovast_operator.pods.carried import carrying, config_maps_of
 from robovast_operator.pods.jobs import (
     campaign_plan,
     files_config_map,
     plan_config_map,
     shard_job,
 )
+from robovast_operator.pods.self_contained_jobs import carrying, config_maps_of
 
 
 def made(files: dict[str, str] | None = None, **source: Any) -> tuple[Object, dict[str, Object]]:

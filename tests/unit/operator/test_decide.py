@@ -14,7 +14,7 @@ from robovast.kubeapi.resources import Acceptance, FailFast, ShareTarget
 from robovast_operator import snapshot as picture_module
 from robovast_operator.decide import CreateShard, CreateTask, DeleteJob, decide
 from robovast_operator.planning import shards as shards_module
-from robovast_operator.pods.findings import PodFindings, Trouble
+from robovast_operator.pods.observations import PodFindings, Trouble
 from robovast_operator.status import status as tell_module
 
 

@@ -17,9 +17,9 @@ from robovast_operator.effects.inputs import Inputs
 from robovast_operator.effects.jobs import Jobs
 from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.purge import FINALIZER, Purge
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.objects import Identity
 from robovast_operator.kube.store import Store
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.memory import InputsCache
 from robovast_operator.pods.jobs import campaign_plan, plan_config_map
 

@@ -13,8 +13,8 @@ from robovast.kubeapi.resources import FailFast
 from robovast.model.packing import Pace, PackSample
 from robovast.model.packs import Entry
 from robovast_operator.decide import AppendRuns, ResizeJob
+from robovast_operator.planning.measured_packs import next_round
 from robovast_operator.planning.revisions import Addition, next_revision
-from robovast_operator.planning.rounds import next_round
 from robovast_operator.planning.shards import first_attempts
 from robovast_operator.pods.reports import sample_of
 

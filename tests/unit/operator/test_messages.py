@@ -17,7 +17,7 @@ from support.sentences import Watch, faults_of
 import robovast_operator
 from robovast.base.errors import with_hint
 from robovast_operator.kube.sentences import after_colon, clause, sentence, with_remedy
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.observations import Trouble
 
 ROOT = Path(robovast_operator.__file__).parent
 MAKERS = {

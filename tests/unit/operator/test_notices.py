@@ -19,8 +19,8 @@ from robovast.kubeapi.resources import SUBJECTS, FailFast, Notification, Schedul
 from robovast.kubeapi.status import CampaignStatus, SearchStatus
 from robovast_operator.decide import decide
 from robovast_operator.kube.objects import Identity
-from robovast_operator.pods.findings import Trouble
 from robovast_operator.pods.jobs import notify_job
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.pods.pod_status import last_messages
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.notices import due, interested, job_suffix, marked, notice

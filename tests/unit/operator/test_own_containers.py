@@ -18,16 +18,16 @@ from support.kube.fake_cluster import SCENARIO, SETTINGS, FakeJob, accepted, cam
 from robovast.kubeapi.pod_contract.messages import Verdicts
 from robovast.model.repetition import GroupSizes
 from robovast_operator.effects.own_pods import OwnPods
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState
 from robovast_operator.kube.times import format_time, now
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.memory import PodsCache
 from robovast_operator.planning.accept import accept
 from robovast_operator.planning.campaign import Accepted, Rejected, Revision
 from robovast_operator.planning.revisions import next_revision
 from robovast_operator.planning.shards import ShardPlan, first_attempts
+from robovast_operator.pods.first_failures import mishaps_of
 from robovast_operator.pods.jobs import shard_job, task_job
-from robovast_operator.pods.mishaps import mishaps_of
 from robovast_operator.pods.own import (
     CONTAINERS_ANNOTATION,
     foreign_names,

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.times import format_time
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.pods.own import CONTAINERS_ANNOTATION
 from robovast_operator.pods.pod_events import hook_trouble, last_success, trouble_of_events
 

@@ -11,11 +11,11 @@ import pytest
 
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.messages import Composed, Verdicts
-from robovast.kubeapi.pod_contract.sightings import Sightings
+from robovast.kubeapi.pod_contract.pod_facts import Sightings
 from robovast.kubeapi.status import Condition
 from robovast_operator.kube.conditions import dated
 from robovast_operator.kube.events import messages
-from robovast_operator.kube.lenient import shaped
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.kube.work_queue import WorkQueue, work
 from robovast_operator.pods.pod_status import is_stuck, sighted, trouble_of
 from robovast_operator.pods.reports import composed_of, final_of, given_up_of, reports_of

@@ -12,8 +12,8 @@ from support.kube.fake_cluster import SETTINGS, FakeJob
 
 from robovast_operator.effects.queues import Queues
 from robovast_operator.kube.api import ApiError
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import Store
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.memory import Motion, QueueCache
 
 

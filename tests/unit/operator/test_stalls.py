@@ -19,16 +19,16 @@ from robovast.kubeapi.pod_contract.pack_request import INDEX_ANNOTATION
 from robovast_operator.effects.diagnose import STORING, Diagnosis
 from robovast_operator.effects.namespace_limits import NamespaceLimitsReader
 from robovast_operator.effects.queues import Queues
-from robovast_operator.kube.lenient import shaped
 from robovast_operator.kube.store import JobState, Store
 from robovast_operator.kube.times import format_time, now
+from robovast_operator.kube.untrusted_fields import shaped
 from robovast_operator.memory import PodsCache
-from robovast_operator.pods.findings import Trouble
+from robovast_operator.pods.job_attempts import TASK_PODS_LOST
+from robovast_operator.pods.observations import Trouble
 from robovast_operator.pods.own import CONTAINERS_ANNOTATION
 from robovast_operator.pods.pod_events import trouble_of_events
 from robovast_operator.pods.pod_status import troubles_of
 from robovast_operator.pods.stalls import cause_of, unseen_cause
-from robovast_operator.pods.tries import TASK_PODS_LOST
 
 DOCS = Path(__file__).parents[3] / "docs/how-to/stalled-campaigns.md"
 NOW = datetime(2026, 11, 21, 8, tzinfo=UTC)

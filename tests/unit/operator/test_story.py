@@ -12,8 +12,8 @@ from support.kube.fake_cluster import World, accepted
 from robovast.campaign.verdict import Verdict
 from robovast.kubeapi.pod_contract.messages import LIMIT, BadRun, Verdicts
 from robovast.kubeapi.status import CampaignStatus, Runs
-from robovast_operator.pods.findings import Mishap
-from robovast_operator.pods.mishaps import mishaps_of
+from robovast_operator.pods.first_failures import mishaps_of
+from robovast_operator.pods.observations import Mishap
 from robovast_operator.snapshot import Snapshot
 from robovast_operator.status.progress_events import progress_events
 

@@ -15,11 +15,11 @@ from robovast.base.plugins import plugin_errors, raised
 from robovast.campaign.layout import Layout
 from robovast.model.document import Document, load_document
 from robovast.model.packs import RUNS_LIMIT
+from robovast.search.batches import Rounds
 from robovast.search.extractor import Extractor, ExtractResult
 from robovast.search.history import BatchOutcome, Proposal, SearchHistory
 from robovast.search.plugins import search_of
 from robovast.search.proposing import ask
-from robovast.search.rounds import Rounds
 from robovast.search.scoring import score
 from robovast.search.strategy import SearchStrategy
 from robovast.search.types import ParamSet, SearchReport

@@ -70,8 +70,8 @@ def _record(variant: Variant) -> dict[str, Any]:
 
 def _picture(document: Document, variant: Variant, kind: Format) -> bytes:
     with NAV.needed_by("`vast config view`"):
+        from robovast.navigation.drawing import marks, to_png, to_svg
         from robovast.navigation.occupancy import read_map
-        from robovast.navigation.picture import marks, to_png, to_svg
     record = _record(variant)
     name = str(record["map_file"]).removeprefix(CONFIG_MOUNT)
     files = {file.name: file.source for file in variant.files}

@@ -27,7 +27,7 @@ def index(
     postprocess` also creates it. The database of a search is not modified.
     """
     from robovast.analysis.tables.campaign_store import index_campaign
-    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.discovery import find_campaigns
     from robovast.campaign.layout import Layout
     from robovast.model.naming import CAMPAIGN_STORE
     from robovast_cli.ui.output import say

@@ -8,7 +8,7 @@ import typer
 from robovast.analysis.provenance import describe
 from robovast.analysis.provenance.drawing import write_drawing
 from robovast.base.errors import ExitCode, RobovastError
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import examples
 from robovast_cli.ui.output import say

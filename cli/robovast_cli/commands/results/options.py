@@ -70,7 +70,7 @@ def chosen_campaigns(results: Path, names: list[str] | None) -> list[Path]:
     Raises:
         InputError: the folder contains no campaign, or a name is unknown.
     """
-    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.discovery import find_campaigns
 
     found = {path.absolute().name: path for path in find_campaigns(results)}
     unknown = [name for name in names or [] if name not in found]
@@ -89,7 +89,7 @@ def named_campaign(results: Path, name: str | None) -> Path:
     Raises:
         InputError: there is none, or the folder holds several.
     """
-    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.discovery import find_campaigns
 
     if name is None:
         if not os.path.lexists(results):

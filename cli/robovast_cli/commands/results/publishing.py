@@ -12,7 +12,7 @@ from robovast.analysis.publication.context import PublicationContext
 from robovast.analysis.publication.plugin import GROUP
 from robovast.analysis.publication.publish import PublishOptions, plan_publication, publish
 from robovast.base.errors import ExitCode
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast_cli.commands.results.options import chosen_campaigns
 from robovast_cli.commands.results.plugin_list import described_plugins
 from robovast_cli.ui.bars import Bars

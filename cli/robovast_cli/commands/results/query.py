@@ -53,7 +53,7 @@ def query(
         with opened(bucket, context, namespace) as found:
             _answer([one.tables() for one in found], sql, output)
         return
-    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.discovery import find_campaigns
 
     _answer(find_campaigns(results_dir or ctx.obj.results), sql, output)
 

@@ -42,7 +42,7 @@ def sparql(
     the results.
     """
     from robovast.base.errors import InputError
-    from robovast.campaign.finding import find_campaigns
+    from robovast.campaign.discovery import find_campaigns
     from robovast.model.naming import GRAPH
     from robovast_cli.ui.answers import print_answer, print_query_names
 

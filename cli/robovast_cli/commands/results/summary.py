@@ -119,7 +119,7 @@ def _in_bucket(
     from robovast.campaign.layout import EXECUTION_RECORD, SEARCH
     from robovast.evaluation.campaign_index import summarized
     from robovast.evaluation.tabled_campaign import read_variants
-    from robovast.evaluation.untrusted import read_yaml
+    from robovast.evaluation.untrusted_data import read_yaml
     from robovast_cli.commands.results.buckets import opened
 
     with opened([name], context, namespace) as (place,):

@@ -8,7 +8,7 @@ from importlib.resources import files
 from robovast.base.statistics import interval_text, percent
 from robovast.campaign.log_lines import BAD
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.about import Change
+from robovast.evaluation.campaign_inputs import Change
 from robovast.evaluation.campaign_report import Baseline, CampaignReport, Worst
 from robovast.evaluation.effects import Effect
 from robovast.evaluation.matrix import Cell, Matrix

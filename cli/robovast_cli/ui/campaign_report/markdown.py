@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from robovast.evaluation.about import Change
+from robovast.evaluation.campaign_inputs import Change
 from robovast.evaluation.campaign_report import Baseline, CampaignReport, Worst
 from robovast.evaluation.effects import Effect
 from robovast.evaluation.matrix import Matrix

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from robovast.base.statistics import LEVEL, percent
 from robovast.campaign.log_lines import parse_line
 from robovast.evaluation.campaign_report import CampaignReport, Worst
-from robovast.evaluation.explained import Explained
+from robovast.evaluation.factors import Explained
 from robovast.evaluation.logs import LogLine
 from robovast.evaluation.matrix import Cell, value_label
 from robovast.evaluation.poses import LAST_SECONDS

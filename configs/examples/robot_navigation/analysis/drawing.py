@@ -7,8 +7,8 @@ from pathlib import Path
 from IPython.display import SVG
 
 from robovast.common.analysis import get_run_status, get_scenario_parameter, read_output_csv
+from robovast.navigation.drawing import Line, marks, to_svg
 from robovast.navigation.occupancy import read_map
-from robovast.navigation.picture import Line, marks, to_svg
 
 PASSED, FAILED = "#1a7f37", "#cf222e"
 BOX = 0.21

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
-from robovast.analysis.minimise.milder import passing_variants, reductions_of
+from robovast.analysis.minimise.candidates import passing_variants, reductions_of
 from robovast.analysis.minimise.record import (
     MinimiseRequest,
     MinimiseStep,

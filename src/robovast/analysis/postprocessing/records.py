@@ -12,7 +12,7 @@ from robovast.base.atomic import write_atomically
 from robovast.base.serialization import dump_yaml, to_plain
 from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.layout import POSTPROCESSING, Layout
-from robovast.campaign.places import run_of
+from robovast.campaign.object_keys import run_of
 
 
 def with_found(

@@ -35,7 +35,7 @@ from robovast.analysis.postprocessing.workers import started
 from robovast.base.errors import InputError, RobovastError
 from robovast.base.yaml_files import read_mapping_leniently
 from robovast.campaign.configurations import document_path, read_configurations
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.layout import POSTPROCESSING, Layout
 from robovast.model.document.commands import ROSOUT
 from robovast.model.document.section import PluginCall

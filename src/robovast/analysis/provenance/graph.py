@@ -11,10 +11,10 @@ from typing import Any
 
 from robovast.analysis.provenance import agents
 from robovast.analysis.provenance.contributions import Node, plain_iri, plain_node, with_properties
-from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.hooks import VariationHooks
 from robovast.analysis.provenance.metadata import applied_variations, variation_times
 from robovast.analysis.provenance.postprocessing import Derivation, derivations_by_run
+from robovast.analysis.provenance.problems import Findings
 from robovast.analysis.provenance.run_nodes import (
     EXECUTION,
     compact,

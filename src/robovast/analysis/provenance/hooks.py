@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from robovast.analysis.provenance.findings import Findings
+from robovast.analysis.provenance.problems import Findings
 from robovast.analysis.provenance.processor import MetadataProcessor
 from robovast.base.plugins import load_plugin, plugins_of, split_file_reference
 from robovast.base.serialization import to_plain

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.hooks import VariationHooks, process, processors_of
+from robovast.analysis.provenance.problems import Findings
 from robovast.analysis.provenance.reading import list_files, read_mapping, subfolders
 from robovast.analysis.provenance.runs import describe_run
 from robovast.analysis.provenance.searches import describe_search

@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from robovast.analysis.provenance.findings import Findings
+from robovast.analysis.provenance.problems import Findings
 from robovast.base.safe_paths import MOST, read_file
 from robovast.base.yaml_files import parse_yaml
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from robovast.analysis.provenance.findings import Findings
+from robovast.analysis.provenance.problems import Findings
 from robovast.analysis.provenance.reading import list_files, read_mapping
 from robovast.analysis.provenance.times import as_utc, from_epoch
 from robovast.base.safe_paths import read_file

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from robovast.analysis.provenance.contributions import Node
-from robovast.analysis.provenance.findings import Findings
+from robovast.analysis.provenance.problems import Findings
 from robovast.analysis.provenance.run_nodes import EXECUTION, compact
 from robovast.analysis.provenance.times import from_epoch
 from robovast.analysis.provenance.vocabulary import SOFTWARE, path_iri

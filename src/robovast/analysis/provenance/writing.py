@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from robovast.analysis.provenance.findings import Findings
 from robovast.analysis.provenance.graph import Graph
 from robovast.analysis.provenance.metadata import collect_metadata, read_configurations
+from robovast.analysis.provenance.problems import Findings
 from robovast.analysis.provenance.reading import read_mapping
 from robovast.analysis.provenance.times import now
 from robovast.analysis.provenance.vocabulary import context

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from robovast.base.errors import DocumentError, InputError, StorageError
 from robovast.base.yaml_files import read_mapping
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.layout import Layout
 from robovast.model.document.model import ResultsProcessing
 from robovast.model.document.problems import problems_of

@@ -12,6 +12,7 @@ from pathlib import Path
 from threading import Lock
 
 from robovast.base.errors import InputError
+from robovast.evaluation.confined_files import resolved
 from robovast.evaluation.drive.clock import Clock, make_clock
 from robovast.evaluation.drive.ground import Ground, recorded_ground
 from robovast.evaluation.drive.motion import UNDECODABLE, decoder, stamp_of
@@ -19,7 +20,6 @@ from robovast.evaluation.drive.part import DriveSource, Part, PartReader
 from robovast.evaluation.drive.pictures import Pictures, read_pictures
 from robovast.evaluation.drive.recording import RecordedMessage, Recording
 from robovast.evaluation.drive.roles import FIXED, TRANSFORMS, cast
-from robovast.evaluation.inside import resolved
 
 _PART = 10.0
 """Length of a part [s]"""

@@ -10,8 +10,8 @@ from typing import Any
 
 from robovast.base.errors import InputError, RobovastError
 from robovast.campaign.verdict import Verdict
+from robovast.evaluation.confined_files import resolved
 from robovast.evaluation.drive.ground import Ground, PlannedScene, planned, stored_ground
-from robovast.evaluation.inside import resolved
 from robovast.evaluation.map_picture import (
     RECORD,
     MapFiles,
@@ -21,7 +21,7 @@ from robovast.evaluation.map_picture import (
 )
 from robovast.evaluation.poses import Place, last_position, rough_way
 from robovast.evaluation.summaries import VariantRuns
-from robovast.evaluation.untrusted import mapping
+from robovast.evaluation.untrusted_data import mapping
 from robovast.model.naming import is_run_number
 
 _MOST = 60

@@ -7,8 +7,8 @@ from pathlib import Path
 from mcap.writer import Writer
 
 from robovast.analysis.bags.mcap_file import McapFile
+from robovast.evaluation.confined_files import resolved
 from robovast.evaluation.drive.recording import Recording
-from robovast.evaluation.inside import resolved
 
 
 def one_file(results: Path, bag: str, folder: Path) -> tuple[Path, list[str]]:

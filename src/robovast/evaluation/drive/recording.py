@@ -16,8 +16,8 @@ from robovast.analysis.bags.source import BagFile, MessageBlock, Topic
 from robovast.analysis.bags.sqlite_file import SqliteFile
 from robovast.base.bounds import LARGEST, Bound
 from robovast.base.errors import InputError
+from robovast.evaluation.confined_files import MissingError, open_inside, resolved
 from robovast.evaluation.drive.clock import LONGEST_PAUSE, SECOND
-from robovast.evaluation.inside import MissingError, open_inside, resolved
 
 _LONG = round(LONGEST_PAUSE * SECOND)
 """[ns]"""

@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.campaign.layout import SCENARIO_CONFIG, VARIANT_RECORD
-from robovast.evaluation.inside import resolved
+from robovast.evaluation.confined_files import resolved
 from robovast.evaluation.summaries import VariantRuns
 from robovast.kubeapi.resources import API_VERSION
 from robovast.model.naming import CONFIG

@@ -12,7 +12,7 @@ from typing import Any
 from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.inside import resolved
+from robovast.evaluation.confined_files import resolved
 from robovast.evaluation.summaries import CampaignSummary
 from robovast.model.packs import RUNS_LIMIT
 

@@ -22,9 +22,9 @@ from robovast.base.file_errors import read_content, reading
 from robovast.base.optional_deps import NOTEBOOKS
 from robovast.base.safe_paths import read_end, read_file
 from robovast.campaign.layout import POSTPROCESSING, RUNNING
-from robovast.evaluation.inside import read_small
+from robovast.evaluation.confined_files import read_small
 from robovast.evaluation.notebooks.workloads import Notebook, Target
-from robovast.evaluation.untrusted import mapping, parse_json
+from robovast.evaluation.untrusted_data import mapping, parse_json
 from robovast.execution.local.process_environment import cache_folder
 
 AT_ONCE = 2

@@ -11,8 +11,8 @@ from typing import Any
 
 from robovast.base.errors import InputError
 from robovast.campaign.layout import Layout
-from robovast.evaluation.inside import MissingError, OutsideError, read_small, resolved
-from robovast.evaluation.untrusted import mapping, parse_yaml
+from robovast.evaluation.confined_files import MissingError, OutsideError, read_small, resolved
+from robovast.evaluation.untrusted_data import mapping, parse_yaml
 from robovast.model.naming import holds_campaign
 
 SCOPES = ("campaign", "config", "run")

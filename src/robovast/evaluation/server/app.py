@@ -22,13 +22,13 @@ from starlette.types import ASGIApp
 from robovast.base.errors import InputError, RobovastError
 from robovast.base.optional_deps import missing_extra
 from robovast.campaign.planned_runs import planned_runs
-from robovast.evaluation.about import about, changes
+from robovast.evaluation.campaign_inputs import about, changes
 from robovast.evaluation.columns import columns
 from robovast.evaluation.compare import compare
 from robovast.evaluation.configuration_index import default_index
-from robovast.evaluation.explained import Explanations
+from robovast.evaluation.confined_files import OutsideError, open_inside
+from robovast.evaluation.factors import Explanations
 from robovast.evaluation.history import history
-from robovast.evaluation.inside import OutsideError, open_inside
 from robovast.evaluation.launch.cluster_commands import more_in_cluster
 from robovast.evaluation.launch.commands import (
     as_shell,

@@ -11,13 +11,13 @@ from starlette.responses import Response
 
 from robovast.base.errors import InputError
 from robovast.base.optional_deps import ROS
-from robovast.evaluation.drive.finding import PlayerTopics, bag_of, read_named
+from robovast.evaluation.drive.bag_discovery import PlayerTopics, bag_of, read_named
 from robovast.evaluation.library import Library
 from robovast.evaluation.map_picture import RECORD, entries
 from robovast.evaluation.notebooks.workloads import Target
 from robovast.evaluation.run import run_record
 from robovast.evaluation.server.answers import Attached, Data
-from robovast.evaluation.untrusted import mapping
+from robovast.evaluation.untrusted_data import mapping
 
 if TYPE_CHECKING:
     from robovast.evaluation.drive.drives import Drive, Drives

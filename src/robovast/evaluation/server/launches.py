@@ -27,7 +27,7 @@ from robovast.evaluation.launch.launcher import Launch, Launcher
 from robovast.evaluation.run import run_record
 from robovast.evaluation.server.answers import Data
 from robovast.evaluation.summaries import VariantRuns
-from robovast.evaluation.untrusted import mapping, parse_yaml, plain
+from robovast.evaluation.untrusted_data import mapping, parse_yaml, plain
 from robovast.model.document.execution import RunsAsNeeded
 
 

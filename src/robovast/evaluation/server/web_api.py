@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.about import About, Change
 from robovast.evaluation.bag_timeline import Timeline
+from robovast.evaluation.campaign_inputs import About, Change
 from robovast.evaluation.columns import CampaignColumns
 from robovast.evaluation.compare import Comparison
-from robovast.evaluation.explained import Explained
+from robovast.evaluation.factors import Explained
 from robovast.evaluation.history import History
 from robovast.evaluation.launch.cluster_commands import ClusterCommand
 from robovast.evaluation.log_search import FoundRun

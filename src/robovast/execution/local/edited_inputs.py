@@ -11,7 +11,7 @@ from contextlib import suppress
 from robovast.base import safe_paths
 from robovast.campaign.checksums import checksum
 from robovast.campaign.layout import INPUTS, Layout
-from robovast.campaign.places import is_plain
+from robovast.campaign.object_keys import is_plain
 from robovast.model.document import Document
 from robovast.model.inputs import container_files
 

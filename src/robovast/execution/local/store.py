@@ -17,8 +17,8 @@ from robovast.base.file_errors import cause, refuse_obstacle
 from robovast.base.task_record import report
 from robovast.campaign.checksums import checksums
 from robovast.campaign.layout import JOB_LINK, Layout, job_link_target
-from robovast.campaign.own_names import set_own_names_aside
 from robovast.campaign.records import Circumstances, EndedRun, make_record
+from robovast.campaign.reserved_names import set_own_names_aside
 from robovast.campaign.run_record import RunRecord, read_run_record
 from robovast.execution.local.session import Session
 from robovast.execution.local.stored_inputs import check_plain

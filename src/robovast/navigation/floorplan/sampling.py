@@ -15,8 +15,8 @@ from robovast.base.errors import DocumentError
 from robovast.navigation.floorplan.language import Model
 from robovast.navigation.floorplan.layout import lay_out
 from robovast.navigation.floorplan.model import FloorPlan
+from robovast.navigation.floorplan.omitted_numbers import add_number
 from robovast.navigation.floorplan.parser import ANGLES, UNITS, ParsedFile, kind
-from robovast.navigation.floorplan.unwritten import add_number
 
 ATTEMPTS = 100
 """Most attempts to draw a valid plan."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from robovast.analysis.minimise.milder import reductions_of
+from robovast.analysis.minimise.candidates import reductions_of
 from robovast.analysis.minimise.shrinking import Items, Ladder
 from robovast.model.variant import ConfigFile, Variant
 

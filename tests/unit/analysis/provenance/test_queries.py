@@ -13,7 +13,7 @@ from support.campaigns.searches import write_search
 from robovast.analysis.provenance import describe
 from robovast.analysis.provenance.query import Graphs, query_names, read_query
 from robovast.base.errors import CannotRunError, InputError
-from robovast.campaign.finding import find_campaigns
+from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.layout import Layout
 from robovast.search.history import SearchHistory
 

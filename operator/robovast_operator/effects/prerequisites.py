@@ -9,8 +9,8 @@ from robovast.model.document.assets import Assets
 from robovast.model.document.gpus import NO_GPU, REMEDY, asks_in_vain
 from robovast_operator.kube import paths
 from robovast_operator.kube.api import Api, ApiError
-from robovast_operator.kube.lenient import mapping, mappings, metadata, text
 from robovast_operator.kube.objects import Identity, Object
+from robovast_operator.kube.untrusted_fields import mapping, mappings, metadata, text
 from robovast_operator.planning.campaign import Accepted, Rejected
 from robovast_operator.pods.templates import asset_volumes
 

@@ -14,8 +14,8 @@ from functools import partial
 
 from robovast.base.errors import InputError
 from robovast.kubeapi.pod_contract.packed import PACKED, pack
-from robovast_operator.kube.lenient import mapping, mappings
 from robovast_operator.kube.objects import Object
+from robovast_operator.kube.untrusted_fields import mapping, mappings
 
 MOST = 256 * 1024
 """Most that the API server takes as annotations of one object [byte]."""

@@ -8,10 +8,10 @@ from pathlib import Path, PurePosixPath
 
 from robovast.analysis.bags.names import ends_with, undated
 from robovast.base.errors import RobovastError
+from robovast.evaluation.confined_files import MissingError
 from robovast.evaluation.files import FileEntry, list_files
-from robovast.evaluation.inside import MissingError
 from robovast.evaluation.notebooks.workloads import Target, read_document
-from robovast.evaluation.untrusted import mapping
+from robovast.evaluation.untrusted_data import mapping
 
 _USUAL = "rosbag2"
 _KINDS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")

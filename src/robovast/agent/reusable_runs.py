@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from robovast.base.errors import StorageError
 from robovast.base.printable import printable
 from robovast.campaign.layout import is_variant
-from robovast.campaign.places import run_of
+from robovast.campaign.object_keys import run_of
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.storage.bucket_names import REUSE_BUCKET

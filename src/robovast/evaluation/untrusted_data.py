@@ -11,7 +11,7 @@ from typing import Any
 
 from robovast.base import yaml_files
 from robovast.base.errors import InputError
-from robovast.evaluation.inside import read_small
+from robovast.evaluation.confined_files import read_small
 
 MOST_VALUES = 20_000
 """Most values of a document; a small one with anchors can expand to billions."""

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
 from robovast.base.containers import named_digest
-from robovast.kubeapi.pod_contract.sightings import Sightings
+from robovast.kubeapi.pod_contract.pod_facts import Sightings
 from robovast.kubeapi.resources import ROLE_LABEL
 from robovast_operator.effects.diagnose import Diagnosis
 from robovast_operator.kube import paths

@@ -14,9 +14,9 @@ from robovast.base.bounds import Bound
 from robovast.base.errors import InputError
 from robovast.campaign.layout import EXECUTION_RECORD
 from robovast.campaign.planned_runs import MORE_RUNS, RUNS
+from robovast.evaluation.confined_files import open_inside, read_small, resolved
 from robovast.evaluation.files import list_files
-from robovast.evaluation.inside import open_inside, read_small, resolved
-from robovast.evaluation.untrusted import LONGEST, mapping, parse_yaml, read_yaml
+from robovast.evaluation.untrusted_data import LONGEST, mapping, parse_yaml, read_yaml
 from robovast.model.naming import CONFIG
 
 LONGEST_TEXT = 2_000

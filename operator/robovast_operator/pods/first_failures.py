@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator
 from robovast.base.printable import one_line
 from robovast.kubeapi.pod_contract.messages import BadRun, Verdicts
 from robovast.kubeapi.pod_contract.pack_request import RUN
-from robovast_operator.kube.lenient import text
 from robovast_operator.kube.objects import Object
 from robovast_operator.kube.sentences import clause
-from robovast_operator.pods.findings import MISHAPS, Mishap
+from robovast_operator.kube.untrusted_fields import text
+from robovast_operator.pods.observations import MISHAPS, Mishap
 from robovast_operator.pods.own import ending_of
 from robovast_operator.pods.pod_status import memory_limit, message_of, troubles_of
 

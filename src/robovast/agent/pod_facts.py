@@ -8,7 +8,7 @@ from pathlib import Path
 from robovast.agent.bucket import Bucket
 from robovast.campaign.judge import CONTAINER_KILLED, OUT_OF_MEMORY
 from robovast.campaign.run_record import RunRecord
-from robovast.kubeapi.pod_contract.sightings import Sightings
+from robovast.kubeapi.pod_contract.pod_facts import Sightings
 
 
 def read_sightings(folder: Path) -> Sightings:

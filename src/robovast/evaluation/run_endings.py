@@ -15,7 +15,7 @@ from robovast.evaluation.run import logs_of, run_record
 from robovast.evaluation.summaries import RunSummary, VariantRuns
 
 if TYPE_CHECKING:
-    from robovast.navigation.picture import Mark
+    from robovast.navigation.drawing import Mark
 
 LAST_LINES = 12
 """Lines of a log."""
@@ -106,7 +106,7 @@ def _marks(results: Path, campaign: str, variant: VariantRuns, driven: Way | Non
     from robovast.base.optional_deps import NAV
 
     with NAV.needed_by("The picture of a configuration"):
-        from robovast.navigation.picture import Disc, Line
+        from robovast.navigation.drawing import Disc, Line
     place = f"{campaign}/{variant.name}"
     bad = [run for run in variant.runs if run.verdict in (Verdict.FAILED, Verdict.ERRORED)]
     ends = [last_position(results, f"{place}/{run.number}") for run in bad[:_MOST_RUNS]]
