@@ -60,7 +60,7 @@ def _carry_out(options: argparse.Namespace, folders: Folders) -> int:
         arguments.append(index)
     elif options.command == "share":
         place = Endpoint.parse(options.endpoint, options.region)
-        arguments.append(module.Request(options.campaign, options.bucket, place, options.uid))
+        arguments.append(module.ShareRequest(options.campaign, options.bucket, place, options.uid))
     code: int = getattr(module, options.command)(*arguments)
     return code
 
