@@ -16,7 +16,7 @@ from support.campaigns.finished import NAME, finished_campaign
 
 from robovast.analysis.postprocessing.events import Options
 from robovast.analysis.postprocessing.session import postprocess
-from robovast_cli.commands.results.postprocessing import View
+from robovast_cli.commands.results.postprocess import View
 
 VAST = Path(sys.executable).with_name("vast")
 BAGS = """\

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from pydantic import ValidationError
 
-from robovast.base.errors import InputError
+from robovast.analysis.replay.report import Replayed, ReplayReport, report_replays
+from robovast.base.atomic import write_atomically
+from robovast.base.errors import ExitCode, InputError
+from robovast.campaign.layout import REPLAY
+from robovast.execution.local import LocalOptions, replay_run
+from robovast.execution.local.replay import find_run
+from robovast.model.document import load_document
+from robovast.model.document.execution import Output
 from robovast.model.naming import is_run_number
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import examples, exit_codes
+from robovast_cli.ui.campaign import view
+from robovast_cli.ui.output import say
+from robovast_cli.workspace import shown
+
+DIFFERS = ExitCode.TEST_FAILED
+"""Exit code if a re-run differs, as of `diff`."""
+MOST_LISTED = 10
+"""Maximum number of listed re-runs with another result, and of differences of each."""
 
 Runtime = Annotated[
     Literal["same", "docker", "podman", "process"],
@@ -81,13 +99,29 @@ def replay(
     Uses the files, parameters, seed and image of the stored run, and compares verdict and outputs.
     The stored run is not modified.
     """
-    from robovast_cli.ui.replay import replayed
+    stored = find_run(get_run(run, out, context, namespace))
+    document = load_document(stored.layout.config / str(stored.configurations["vast"]))
+    compared: Sequence[Output] | None = document.vast.execution.compare
+    if compare:
+        compared = [_output(pattern) for pattern in compare]
+    options = LocalOptions(runtime=runtime, image=image, jobs=jobs)
+    with view() as progress:
+        summary = replay_run(stored, out, times, options, progress)
+    if summary.interrupted:
+        say(f"Interrupted. Finished re-runs: {shown(summary.campaign)}")
+        return ExitCode.INTERRUPTED
+    replays = [summary.campaign / stored.variant.name / str(r.run) for r in summary.records]
+    report = report_replays(stored.folder, replays, compared)
+    lines = list(_lines(report))
+    for line in ("", *lines):
+        say(line)
+    record = {"of": stored.full_path, "same": not report.differs, "text": lines}
+    write_atomically(summary.campaign / REPLAY, json.dumps(record, indent=1) + "\n")
+    say(f"Results: {shown(summary.campaign)}")
+    return DIFFERS if report.differs else ExitCode.OK
 
-    run = brought_here(run, out, context, namespace)
-    return replayed(run, out, times, compare, runtime=runtime, image=image, jobs=jobs)
 
-
-def brought_here(run: Path, out: Path, context: str | None, namespace: str | None) -> Path:
+def get_run(run: Path, out: Path, context: str | None, namespace: str | None) -> Path:
     """Return the folder of a run, downloaded below `out` if only a cluster has it."""
     if not is_stored_elsewhere(run):
         if context or namespace:
@@ -108,3 +142,73 @@ def is_stored_elsewhere(run: Path) -> bool:
     """Whether a run is not on this machine, but may be on a cluster."""
     here = run.is_absolute() or run.parent.parent.exists()
     return not here and len(run.parts) == 3 and is_run_number(run.name)
+
+
+def _lines(report: ReplayReport) -> Iterator[str]:
+    seed = "no seed" if report.seed is None else f"seed {report.seed}"
+    if len(report.replays) == 1:
+        yield from _one(report, f"{report.run} ({seed})")
+        return
+    same = sum(replay.is_as_before for replay in report.replays)
+    yield f"{report.run} ({seed}): {same} of {len(report.replays)} re-runs have the same result."
+    others = [replay for replay in report.replays if not replay.is_as_before]
+    for replay in others[:MOST_LISTED]:
+        yield f"  {shown(replay.folder)}: {_verdicts(report, replay)}"
+        yield from _differences(replay)
+    if len(others) > MOST_LISTED:
+        yield f"  … and {len(others) - MOST_LISTED} more."
+    yield from _findings(report)
+
+
+def _one(report: ReplayReport, run: str) -> Iterator[str]:
+    (replay,) = report.replays
+    same = f", same {', '.join(replay.outputs.same)}" if replay.outputs.same else ""
+    if replay.is_as_before:
+        nothing = "" if same else "; no output was compared because none matches"
+        yield f"{run}: same verdict ({report.verdict}){same}{nothing}."
+        return
+    yield f"{run} differs: {_verdicts(report, replay)}{same}."
+    yield from _differences(replay)
+
+
+def _verdicts(report: ReplayReport, replay: Replayed) -> str:
+    if replay.verdict is report.verdict:
+        return f"same verdict ({report.verdict})"
+    reason = f" ({replay.reason})" if replay.reason else ""
+    return f"{replay.verdict}{reason} instead of {report.verdict}"
+
+
+def _differences(replay: Replayed) -> Iterator[str]:
+    found = replay.outputs.differences
+    yield from (f"    {difference}" for difference in found[:MOST_LISTED])
+    if len(found) > MOST_LISTED:
+        yield f"    … and {len(found) - MOST_LISTED} more outputs."
+
+
+def _findings(report: ReplayReport) -> Iterator[str]:
+    if report.flaky:
+        yield (
+            "Nondeterministic: the same seed gives different results. The cause is the simulator "
+            "or the test setup, not the robot."
+        )
+    elif report.flaky is False:
+        yield "Deterministic: the same seed gives the same result each time" + (
+            ", but not the result of the stored run. Check for changes." if report.differs else "."
+        )
+    variant = report.run.partition("/")[0]
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in report.other_seeds.items())
+    others = f"runs of {variant} with other seeds: {counts}"
+    if report.chancy:
+        yield f"Seed-dependent: the verdict depends on the seed ({others})."
+    elif report.chancy is False:
+        yield f"Not seed-dependent so far: other seeds give the same verdict ({others})."
+
+
+def _output(pattern: str) -> Output:
+    try:
+        return Output(pattern=pattern)
+    except ValidationError:
+        raise InputError(
+            f"--compare {pattern!a}: must be a glob pattern of files in the run folder, such as "
+            "`out/*.csv`, or of bags with a topic, such as `*.mcap:/odom`."
+        ) from None

@@ -1,25 +1,14 @@
-"""A comparison of two campaigns as text, JSON, Markdown and JUnit report."""
+"""Texts about the comparison of two campaigns."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import asdict
-from typing import Any, Literal
 
-from robovast.base.errors import ExitCode
-from robovast.base.printable import printable_json
 from robovast.base.statistics import percent
-from robovast.campaign.junit import Case, Suite, report_text
-from robovast.campaign.verdict import Outcome
 from robovast.evaluation.compare import Change, Comparison, VariantDifference
 from robovast.evaluation.rates import MOST_RUNS, Sample
-from robovast_cli.ui.markdown import markdown_table
-from robovast_cli.ui.output import say_data
-from robovast_cli.ui.table import counted, format_table
-
-Format = Literal["text", "json"]
+from robovast_cli.ui.table import counted
 
 CHANGES: tuple[Change, ...] = ("worse", "unclear", "better", "same")
 """In the order of tables."""
@@ -35,77 +24,6 @@ COLUMNS = [
     "P-VALUE",
     "MORE RUNS",
 ]
-
-
-def print_comparison(base: str, new: str, found: Comparison, output: Format) -> None:
-    """Print a comparison."""
-    say_data(_json(base, new, found) if output == "json" else _text(base, new, found))
-
-
-def exit_code(found: Comparison, fail_on: str) -> ExitCode:
-    """Return the exit code of a comparison."""
-    if found.result == "worse":
-        return ExitCode.TEST_FAILED
-    return ExitCode.UNCLEAR if found.result == fail_on == "unclear" else ExitCode.OK
-
-
-def markdown_text(base: str, new: str, found: Comparison) -> str:
-    """A comment for a pull request."""
-    lines = [
-        f"### {headline(found)}",
-        "",
-        f"`{new}` compared with `{base}`: {found.statement}",
-        "",
-        sentence(found),
-    ]
-    rows = [difference_row(variant) for variant in changed_variants(found)[:MOST_ROWS]]
-    if rows:
-        lines += ["", *markdown_table(COLUMNS, rows)]
-    lines += ["", *notes(found)]
-    return "\n".join(lines).rstrip() + "\n"
-
-
-def junit_report(base: str, new: str, found: Comparison) -> str:
-    """Return a report with a case for all configurations together and one for each."""
-    return report_text(f"{new} compared with {base}", [suite("comparison", found)])
-
-
-def suite(name: str, found: Comparison) -> Suite:
-    """Return a case for all configurations together and one for each."""
-    everything = Case("all configurations", _outcome(found.change), found.statement)
-    cases = [
-        Case(
-            v.name_b,
-            _outcome(v.change),
-            f"{share_text(v.difference.a)} → {share_text(v.difference.b)}",
-        )
-        for v in found.variants
-    ]
-    return Suite(name, [everything, *cases])
-
-
-def _outcome(change: str) -> Outcome:
-    outcomes: dict[str, Outcome] = {"worse": "failure", "unclear": "skipped"}
-    return outcomes.get(change, "passed")
-
-
-def comparison_data(base: str, new: str, found: Comparison) -> dict[str, Any]:
-    """A comparison as JSON has it."""
-    return {"base": base, "new": new, "result": found.result, **asdict(found)}
-
-
-def _json(base: str, new: str, found: Comparison) -> str:
-    data = comparison_data(base, new, found)
-    return printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
-
-
-def _text(base: str, new: str, found: Comparison) -> str:
-    changed = changed_variants(found)
-    table = (
-        format_table(COLUMNS, map(difference_row, changed[:MOST_ROWS])) + "\n" if changed else ""
-    )
-    lines = [f"{new} compared with {base}: {headline(found)}", found.statement, sentence(found)]
-    return table + "\n".join([*lines, *notes(found)]) + "\n"
 
 
 def headline(found: Comparison) -> str:

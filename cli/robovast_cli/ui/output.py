@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import sys
+from collections.abc import Iterable
+from typing import Any
 
 import typer
 
-from robovast.base.printable import printable
+from robovast.base.printable import printable, printable_json
 from robovast_cli.ui.live_view import is_live
 from robovast_cli.ui.report import silence_stdout
 
@@ -46,6 +49,16 @@ def say_data(text: str) -> None:
     """
     encodable = text.encode("utf-8", "backslashreplace").decode()
     sys.stdout.write(printable(text) if sys.stdout.isatty() else encodable)
+
+
+def say_json(data: Any) -> None:
+    """Print data as JSON."""
+    say_data(printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n")
+
+
+def json_list(items: Iterable[str]) -> str:
+    """Return a JSON list of items that are JSON, one in each line."""
+    return printable_json("[\n" + ",\n".join(items) + "\n]\n")
 
 
 def asked(question: str, *, default: bool) -> bool:

@@ -1,4 +1,4 @@
-"""Answers of SQL queries as a table, CSV or JSON."""
+"""Rows of the answer of a query as a table, CSV or JSON."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ import io
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from typing import Any, Literal
 
-from robovast.analysis.tables.query import Answer
-from robovast.base.printable import printable_json
-from robovast_cli.ui.output import say_data
-from robovast_cli.ui.table import format_table
+from robovast_cli.ui.output import json_list, say_data
+from robovast_cli.ui.table import counted, format_table
 
 Format = Literal["table", "csv", "json"]
 
@@ -25,29 +23,31 @@ def print_tables(columns: Mapping[str, Iterable[str]]) -> None:
     sys.stdout.write(format_table(["TABLE", "COLUMNS"], rows))
 
 
-def print_rows(answer: Answer, output: Format) -> None:
-    """Print the answer of a query."""
-    _FORMATS[output](answer)
+def cell_text(value: Any) -> str:
+    """Return the text of a value in a table."""
+    return f"{value:.10g}" if isinstance(value, float) else _text(value)
 
 
-def _print_csv(answer: Answer) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(answer.columns)
-    writer.writerows([_text(value) for value in row] for row in answer.rows)
-    say_data(text.getvalue())
-
-
-def _print_json(answer: Answer) -> None:
-    lines = (
-        json.dumps(
-            {name: _jsonable(v) for name, v in zip(answer.columns, row, strict=True)},
-            ensure_ascii=False,
-            default=str,
-        )
-        for row in answer.rows
-    )
-    say_data(printable_json("[\n" + ",\n".join(lines) + "\n]\n"))
+def print_rows(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    output: Format,
+    cell: Callable[[Any], str] = cell_text,
+) -> None:
+    """Print the rows of an answer; `cell` returns the text of a value in a table."""
+    if output == "csv":
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows([_text(value) for value in row] for row in rows)
+        say_data(text.getvalue())
+    elif output == "json":
+        records = ({n: _jsonable(v) for n, v in zip(columns, row, strict=True)} for row in rows)
+        encode = json.JSONEncoder(ensure_ascii=False, default=str).encode
+        say_data(json_list(map(encode, records)))
+    else:
+        cells = [[cell(value) for value in row] for row in rows]
+        sys.stdout.write(f"{format_table(columns, cells)}\n{counted(len(cells), 'row')}\n")
 
 
 def _jsonable(value: Any) -> Any:
@@ -64,24 +64,7 @@ def _jsonable(value: Any) -> Any:
     return value
 
 
-def _print_table(answer: Answer) -> None:
-    rows = [[_cell(value) for value in row] for row in answer.rows]
-    noun = "row" if len(rows) == 1 else "rows"
-    sys.stdout.write(f"{format_table(answer.columns, rows)}\n{len(rows)} {noun}\n")
-
-
 def _text(value: Any) -> str:
     if value is None:
         return ""
     return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.10g}" if isinstance(value, float) else _text(value)
-
-
-_FORMATS: Mapping[Format, Callable[[Answer], None]] = {
-    "table": _print_table,
-    "csv": _print_csv,
-    "json": _print_json,
-}

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from robovast.base.printable import printable_json
 from robovast.base.sequential import State
 from robovast.base.statistics import LEVEL, interval_text, percent
 from robovast.campaign.decisions import runs_needed, told
@@ -24,8 +22,8 @@ from robovast.evaluation.rates import (
     soonest_decided,
     why_wider,
 )
-from robovast_cli.ui.output import say_data
-from robovast_cli.ui.table import WIDEST_CELL, WIDEST_REASON, format_table, shortened
+from robovast_cli.ui.output import say_data, say_json
+from robovast_cli.ui.table import WIDEST_CELL, WIDEST_REASON, counted, format_table, shortened
 
 Format = Literal["text", "json"]
 
@@ -64,12 +62,15 @@ def print_summary(findings: Findings, output: Format, worst: int) -> None:
         output: format.
         worst: number of configurations, and of causes, in the text; 0 means all.
     """
-    say_data(_json(findings) if output == "json" else _text(findings, worst))
+    if output == "json":
+        say_json(_data(findings))
+    else:
+        say_data(_text(findings, worst))
 
 
-def _json(findings: Findings) -> str:
+def _data(findings: Findings) -> dict[str, Any]:
     rates, summary = findings.rates, findings.rates.summary
-    data: dict[str, Any] = {
+    return {
         "campaign": summary.name,
         "state": summary.state,
         "planned": summary.planned,
@@ -84,7 +85,6 @@ def _json(findings: Findings) -> str:
         "configurations": [asdict(variant) for variant in rates.configurations],
         "next": as_shell(_next(findings)),
     }
-    return printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n"
 
 
 def _text(findings: Findings, worst: int) -> str:
@@ -205,9 +205,8 @@ def counts_text(rates: CampaignRates) -> str:
     verdicts = ", ".join(f"{summary.counts[verdict]} {verdict}" for verdict in Verdict)
     reused = f"; reused {summary.reused} of {stored}" if summary.reused else ""
     count = len(rates.configurations)
-    noun = "configuration" if count == 1 else "configurations"
     lines = [
-        f"{count} {noun}: {_states(rates.configurations)} ({_measure(rates)})",
+        f"{counted(count, 'configuration')}: {_states(rates.configurations)} ({_measure(rates)})",
         f"{stored} of {summary.planned} runs stored: {verdicts}{reused}",
         _overall(rates.overall),
     ]

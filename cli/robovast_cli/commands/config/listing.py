@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from robovast.base.printable import printable_json
 from robovast.base.serialization import dump_yaml, spelled
 from robovast.campaign.configurations import configuration_record
 from robovast.model.document import Document
@@ -17,6 +16,7 @@ from robovast.model.document.execution import Execution
 from robovast.model.expansion import Variant
 from robovast_cli.lazy import examples
 from robovast_cli.ui.expanding import expanded
+from robovast_cli.ui.output import json_list
 from robovast_cli.ui.table import WIDEST_CELL, counted, format_table, shortened
 
 Format = Literal["table", "name", "json", "yaml"]
@@ -87,8 +87,7 @@ def _names(variants: Sequence[Variant], internal: bool) -> str:
 
 
 def _json(variants: Sequence[Variant], internal: bool) -> str:
-    lines = (_to_json(record(variant, internal=internal)) for variant in variants)
-    return printable_json("[\n" + ",\n".join(lines) + "\n]\n")
+    return json_list(_to_json(record(variant, internal=internal)) for variant in variants)
 
 
 def _yaml(variants: Sequence[Variant], internal: bool) -> str:

@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from robovast_cli.commands.results.options import ReportFormat, ResultsDir
+from robovast.base.statistics import interval_text, percent
+from robovast.evaluation.configuration_index import default_index
+from robovast.evaluation.history import History, HistoryEntry, latest_with
+from robovast.evaluation.history import history as collect_history
+from robovast.evaluation.rates import Rate
+from robovast.model.naming import holds_campaign
+from robovast_cli.commands.results.options import ReportFormat, ResultsDir, named_campaign
 from robovast_cli.lazy import examples
+from robovast_cli.ui.output import say_data, say_json
+from robovast_cli.ui.table import WIDEST_REASON, counted, format_table, shortened
+from robovast_cli.ui.working import working
+
+_COLUMNS = ["STARTED", "", "UNSUCCESSFUL", "RATE", "95 % INTERVAL", "CHANGED", "CAMPAIGN", "REASON"]
+_ALL, _SOME, _NONE = "○◐●"
+"""As in the web UI, a dot is filled in proportion to the unsuccessful runs."""
 
 
 @examples(
@@ -47,13 +62,6 @@ def history(
     A configuration is recognized by its parameters, even under another name. Without parameters,
     it is recognized by its name.
     """
-    from robovast.evaluation.configuration_index import default_index
-    from robovast.evaluation.history import history, latest_with
-    from robovast.model.naming import holds_campaign
-    from robovast_cli.commands.results.options import named_campaign
-    from robovast_cli.ui.history import print_history
-    from robovast_cli.ui.working import working
-
     results, name = (results_dir or ctx.obj.results).resolve(), configuration.rstrip("/")
     folder = Path(os.path.realpath(name))
     if campaign is None and holds_campaign(folder.parent):
@@ -63,12 +71,50 @@ def history(
         results, campaign = named.parent, named.name
     elif holds_campaign(results):
         results, campaign = results.parent, results.name
-    with working("Searching campaigns") as tell:
-        found = history(
+    with working("Searching campaigns") as show:
+        found = collect_history(
             results,
             campaign or latest_with(results, name),
             name,
             default_index(),
-            progress=lambda other, place, total: tell(f"{other}, {place} of {total} campaigns"),
+            progress=lambda other, place, total: show(f"{other}, {place} of {total} campaigns"),
         )
-    print_history(name, found, output)
+    if output == "json":
+        say_json({"configuration": name, **asdict(found)})
+    else:
+        say_data(_text(name, found))
+
+
+def _text(name: str, found: History) -> str:
+    table = format_table(_COLUMNS, map(_row, found.entries))
+    dots = "".join(_dot(entry.rate) for entry in found.entries)
+    lines = [
+        f"{name}  {dots}  in {counted(len(found.entries), 'campaign')}",
+        f"{_ALL} all passed, {_SOME} some passed, {_NONE} none passed",
+    ]
+    if found.others:
+        others = counted(len(found.others), "other campaign")
+        lines.append(f"In {others}, {name} has other parameters.")
+    return "\n".join([f"{table}", *lines]) + "\n"
+
+
+def _row(entry: HistoryEntry) -> list[str]:
+    rate = entry.rate
+    started = entry.started_at
+    return [
+        "–" if started is None else f"{datetime.fromtimestamp(started, UTC):%Y-%m-%d %H:%M}",
+        _dot(rate),
+        f"{rate.failed + rate.errored} of {rate.runs}",
+        "–" if rate.rate is None else percent(rate.rate),
+        interval_text(rate.interval),
+        shortened(entry.changed, WIDEST_REASON),
+        f"{entry.campaign}/{entry.name}",
+        shortened(entry.reason, WIDEST_REASON),
+    ]
+
+
+def _dot(rate: Rate) -> str:
+    bad = rate.failed + rate.errored
+    if not bad:
+        return _ALL
+    return _NONE if bad == rate.runs else _SOME

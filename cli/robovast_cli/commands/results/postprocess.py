@@ -1,12 +1,30 @@
 """`vast results postprocess` and `vast results postprocess-commands`."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from robovast.analysis.postprocessing import session
+from robovast.analysis.postprocessing.child import GIVEN
+from robovast.analysis.postprocessing.events import Failure, Options, PostprocessingSummary
+from robovast.base.errors import ExitCode
+from robovast.model.document.commands import GROUP
 from robovast_cli.commands.results.options import ResultsDir
+from robovast_cli.commands.results.plugin_list import described_plugins
 from robovast_cli.lazy import examples, exit_codes
+from robovast_cli.ui.bars import Bars
+from robovast_cli.ui.output import say
+from robovast_cli.ui.report import tell
+from robovast_cli.ui.table import counted
+
+MOST_LISTED = 20
+"""Maximum number of failures in the summary."""
+_GIVEN = ("results_dir", "config_dir", *GIVEN)
+"""Parameters that no .vast file sets."""
 
 
 @exit_codes(
@@ -80,9 +98,6 @@ def postprocess(
     The commands are in `results_processing.postprocessing` of the .vast file. Unchanged results are
     skipped.
     """
-    from robovast.analysis.postprocessing.events import Options
-    from robovast_cli.commands.results.postprocessing import run
-
     options = Options(
         override=override,
         force=force,
@@ -94,7 +109,7 @@ def postprocess(
         time_limit=time_limit,
         debug=debug,
     )
-    return run(results_dir or ctx.obj.results, options)
+    return postprocess_campaigns(results_dir or ctx.obj.results, options)
 
 
 @examples(
@@ -103,6 +118,92 @@ def postprocess(
 )
 def postprocess_commands() -> None:
     """List the installed postprocessing commands and their parameters."""
-    from robovast_cli.commands.results.postprocessing import print_commands
+    typer.echo(described_plugins(GROUP, _GIVEN))
+    typer.echo("\nTo use a command in a file, write `<path>.py:<name>`.")
 
-    print_commands()
+
+class View:
+    """Prints lines; on a terminal with a progress bar below them."""
+
+    def __init__(self) -> None:
+        self._bars = Bars(of_bytes=False, transient=True)
+        self._step = ("", 0, 0)
+
+    def campaign_started(self, campaign: Path, runs: int) -> None:
+        """Print nothing, because most campaigns have not changed."""
+
+    def step_started(self, title: str, total: int) -> None:
+        """Show a bar that counts the parts of a step."""
+        self.close()
+        self._step = (title, 0, total)
+        self._bars(*self._step)
+
+    def step_advanced(self) -> None:
+        """Advance the bar."""
+        title, done, total = self._step
+        self._step = (title, done + 1, total)
+        self._bars(*self._step)
+
+    def failed(self, failure: Failure) -> None:
+        """Print nothing, because the failures are listed at the end."""
+
+    def message(self, text: str) -> None:
+        """Print a line."""
+        self.close()
+        say(text)
+
+    def campaign_finished(self, summary: PostprocessingSummary) -> None:
+        """Print the result of a campaign."""
+        self.close()
+        say(f"{summary.campaign.name}: {_outcome(summary)}")
+
+    def close(self) -> None:
+        """Remove the bar; the next step shows it again."""
+        self._bars.close()
+
+
+def postprocess_campaigns(results: Path, options: Options) -> ExitCode:
+    """Postprocess the campaigns of a folder, and list failures at the end."""
+    view = View()
+    try:
+        summaries = session.postprocess(results, options, view)
+    finally:
+        view.close()
+    failures = [failure for summary in summaries for failure in summary.failures]
+    lines = _failure_lines(failures)
+    for line in lines[:MOST_LISTED]:
+        tell(f"failed: {line}")
+    if len(lines) > MOST_LISTED:
+        typer.echo(f"… and {len(lines) - MOST_LISTED} more failures", err=True)
+    if any(summary.interrupted for summary in summaries):
+        typer.echo(
+            "interrupted; finished work is kept. Run the command again to continue.", err=True
+        )
+        return ExitCode.INTERRUPTED
+    return min((failure.code for failure in failures), default=ExitCode.OK)
+
+
+def _failure_lines(failures: Iterable[Failure]) -> list[str]:
+    """Return one line for all failures of a command with the same message in a campaign."""
+    alike: dict[tuple[str, str, str], list[Failure]] = {}
+    for failure in failures:
+        key = (failure.campaign, failure.command, failure.message)
+        alike.setdefault(key, []).append(failure)
+    more = ((found[0], len(found) - 1) for found in alike.values())
+    return [f"{first}" + (f" (and in {n} more runs)" if n else "") for first, n in more]
+
+
+def _outcome(summary: PostprocessingSummary) -> str:
+    runs = counted(summary.runs, "run")
+    if not summary.commands and summary.failures:
+        text = runs
+    elif not summary.commands:
+        why = "the .vast file has" if summary.document else "the campaign has no .vast file, so"
+        done = "written" if summary.written else "up to date"
+        text = f"{runs}, tables and metadata are {done} ({why} no commands)"
+    elif not summary.worked:
+        changed = ", ".join(summary.written)
+        text = f"{runs}, {f'{changed} written' if changed else 'nothing changed'}"
+    else:
+        text = f"{runs}, {len(summary.worked)} processed"
+    return text + (f", {len(summary.failures)} failed" if summary.failures else "")

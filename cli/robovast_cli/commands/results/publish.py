@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from robovast_cli.commands.results.options import Campaigns, ResultsDir
+from robovast.analysis.postprocessing.events import Options
+from robovast.analysis.publication import publish as publication
+from robovast.analysis.publication.context import PublicationContext
+from robovast.analysis.publication.plugin import GROUP
+from robovast.analysis.publication.publish import PublishOptions
+from robovast.base.errors import ExitCode
+from robovast.campaign.discovery import find_campaigns
+from robovast_cli.commands.results.options import Campaigns, ResultsDir, chosen_campaigns
+from robovast_cli.commands.results.plugin_list import described_plugins
+from robovast_cli.commands.results.postprocess import postprocess_campaigns
 from robovast_cli.lazy import examples, exit_codes
+from robovast_cli.ui.bars import Bars
+from robovast_cli.ui.output import asked, say
+from robovast_cli.workspace import shown
+
+_GIVEN = ("results_dir", "config_dir", "context")
+"""Parameters that no .vast file sets."""
 
 
 @exit_codes("2 invalid file or plugin, nothing was done · 5 a plugin failed")
@@ -46,18 +62,24 @@ def publish(
     postprocessed. Then packing plugins run, and uploading plugins last. The command stops at the
     first plugin that fails.
     """
-    from robovast_cli.commands.results.publishing import Choice, publish_campaigns
-
-    return publish_campaigns(
-        results_dir or ctx.obj.results,
-        Choice(
-            campaigns=campaign,
-            override=override,
-            force=force,
-            postprocess=not skip_postprocessing,
-            upload=not skip_upload,
-        ),
-    )
+    campaigns = [
+        path.absolute() for path in chosen_campaigns(results_dir or ctx.obj.results, campaign)
+    ]
+    options = PublishOptions(force=force, skip_upload=skip_upload)
+    known = len(find_campaigns(campaigns[0].parent))
+    batches = publication.plan_publication(campaigns, override, known, options)
+    if not skip_postprocessing:
+        paths = [shown(item.path) for batch in batches for item in batch.campaigns]
+        codes = [postprocess_campaigns(path, Options(override=override)) for path in paths]
+        if failed := [code for code in codes if code is not ExitCode.OK]:
+            typer.echo(
+                "Nothing was published. `--skip-postprocessing` publishes without postprocessing.",
+                err=True,
+            )
+            return failed[0]
+    with Bars() as bars:
+        publication.publish(batches, options, _context(bars), say)
+    return ExitCode.OK
 
 
 @examples(
@@ -66,6 +88,16 @@ def publish(
 )
 def publish_commands() -> None:
     """List the installed publication plugins and their parameters."""
-    from robovast_cli.commands.results.publishing import print_plugins
+    typer.echo(described_plugins(GROUP, _GIVEN))
+    typer.echo("\nTo use a plugin in a file, write `<path>.py:<name>`.")
 
-    print_plugins()
+
+def _context(bars: Bars) -> PublicationContext:
+    if not sys.stdin.isatty():
+        return PublicationContext((), progress=bars)
+
+    def confirm(path: Path) -> bool:
+        bars.close()
+        return asked(f"{shown(path)} exists with other contents. Replace it?", default=True)
+
+    return PublicationContext((), confirm=confirm, progress=bars)

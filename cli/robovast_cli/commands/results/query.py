@@ -72,4 +72,4 @@ def _answer(
     text = sys.stdin.read() if sql == "-" else sql
     with end_at_ctrl_c():
         answer = ask(campaigns, text)
-    print_rows(answer, output)
+    print_rows(answer.columns, answer.rows, output)

@@ -110,7 +110,7 @@ def search(
             _draw(stored, picture, None if what == "progress" else (over or []), fixed)
             return
         answer = answers[what]()
-    print_rows(answer, output)
+    print_rows(answer.columns, answer.rows, output)
 
 
 def _draw(

@@ -1,13 +1,27 @@
 """`vast results sparql`: query the provenance graphs of campaigns."""
 
+from __future__ import annotations
+
 import os
-from typing import Annotated
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
+from robovast.analysis.provenance.query import Graphs, query_names, read_query
+from robovast.analysis.provenance.vocabulary import PREFIXES
+from robovast.base.errors import InputError
+from robovast.base.file_errors import read_text
+from robovast.campaign.discovery import find_campaigns
+from robovast.model.naming import GRAPH
+from robovast_cli.commands.results.buckets import Buckets, Context, Namespace, opened
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
 from robovast_cli.lazy import examples
+from robovast_cli.ui.output import say_data
+from robovast_cli.ui.rows import cell_text, print_rows
+from robovast_cli.ui.table import format_table
 
 
 @examples(
@@ -41,19 +55,12 @@ def sparql(
     complete IRIs. --bucket downloads only the graphs, which exist if the cluster has postprocessed
     the results.
     """
-    from robovast.base.errors import InputError
-    from robovast.campaign.discovery import find_campaigns
-    from robovast.model.naming import GRAPH
-    from robovast_cli.ui.answers import print_answer, print_query_names
-
     if list_queries or query is None:
-        print_query_names()
+        sys.stdout.write(format_table(["NAME", "DESCRIPTION"], query_names().items()))
         return
     if not bucket:
-        print_answer(query, find_campaigns(results_dir or ctx.obj.results), output)
+        _print_answer(query, find_campaigns(results_dir or ctx.obj.results), output)
         return
-    from robovast_cli.commands.results.buckets import opened
-
     with opened(bucket, context, namespace) as found:
         folders = [one.bring(GRAPH) for one in found]
         if not any(os.path.isfile(folder / GRAPH) for folder in folders):
@@ -63,4 +70,44 @@ def sparql(
                 "writes the graph. To write it on this machine, run `vast results "
                 "download`, then `vast results postprocess`",
             )
-        print_answer(query, folders, output)
+        _print_answer(query, folders, output)
+
+
+def _print_answer(query: str, campaigns: Sequence[Path], output: AnswerFormat) -> None:
+    text = _read(query)
+    graphs = Graphs(campaigns)
+    answer = graphs.ask(text)
+    if output == "csv":
+        say_data(answer.csv())
+    else:
+        print_rows(answer.columns, answer, output, _shortener(graphs))
+
+
+def _read(query: str) -> str:
+    if query in query_names():
+        return read_query(query)
+    if query == "-":
+        try:
+            return sys.stdin.read()
+        except UnicodeDecodeError:
+            raise InputError("-: is not text in UTF-8.", hint="save the text in UTF-8") from None
+    path = Path(query)
+    return read_text(path) if path.is_file() else read_query(query)
+
+
+def _shortener(graphs: Graphs) -> Callable[[Any], str]:
+    """Return a function that shortens IRIs: relative to the campaign, or with a prefix."""
+    bases = list(graphs.campaigns)
+    names = {iri: f"{folder.absolute().name}/" for iri, folder in graphs.campaigns.items()}
+    short = {bases[0]: ""} if len(bases) == 1 else names
+
+    def shorten(value: Any) -> str:
+        if not isinstance(value, str):
+            return cell_text(value)
+        base = next((base for base in bases if value.startswith(base)), None)
+        if base is not None:
+            return short[base] + value.removeprefix(base) or "."
+        prefix = next((p for p, iri in PREFIXES.items() if value.startswith(iri)), None)
+        return f"{prefix}:{value.removeprefix(PREFIXES[prefix])}" if prefix else value
+
+    return shorten

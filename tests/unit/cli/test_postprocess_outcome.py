@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robovast.analysis.postprocessing.events import Failure, PostprocessingSummary
-from robovast_cli.commands.results.postprocessing import View
+from robovast_cli.commands.results.postprocess import View
 
 
 def line(summary: PostprocessingSummary, capsys: pytest.CaptureFixture[str]) -> str:
