@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from robovast.agent import quick_start  # isort: skip  # before whatever imports minio
+from robovast.agent import quick_start  # isort: skip  # before all others
 from robovast.agent.mounts import Folders
 from robovast.agent.reporting import reported
 from robovast.kubeapi.pod_contract.mounts import Mount

@@ -4,12 +4,43 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime
 from pathlib import PurePath
 from typing import Any
 
-from robovast.base.plain_yaml import NotSimpleError, dump_simple
+import yaml
+
+try:
+    from yaml import CSafeDumper as _SafeDumper
+except ImportError:  # PyYAML built without libyaml: slower, same result
+    from yaml import SafeDumper as _SafeDumper  # type: ignore[assignment]
+
+
+_OTHER_VALUE = re.compile(
+    r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|0o[0-7]+|[yYnN]"
+)
+"""Text that PyYAML writes without quotes, and that readers of YAML 1.2 or of 1.1 take for a number
+or a truth value."""
+
+
+class _Dumper(_SafeDumper):
+    """Writes repeated values in full, without anchors."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        del data
+        return True
+
+
+def _text(dumper: Any, text: str) -> yaml.ScalarNode:
+    """Lines as a block, which people can compare; quotes if readers could see another value."""
+    style = "|" if "\n" in text else "'" if _OTHER_VALUE.fullmatch(text) else None
+    node: yaml.ScalarNode = dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+    return node
+
+
+_Dumper.add_representer(str, _text)
 
 
 def to_plain(value: Any) -> Any:
@@ -50,13 +81,10 @@ def _key(key: Any) -> Any:
 
 def dump_yaml(data: Any) -> str:
     """YAML in the order of the data, block style, without line folding."""
-    try:
-        return dump_simple(data)
-    except NotSimpleError:
-        # Each pod's agent starts with this module, and hardly any needs more than the above.
-        from robovast.base.any_yaml import dump_any
-
-        return dump_any(data)
+    text: str = yaml.dump(
+        data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=2**31 - 1
+    )
+    return text
 
 
 def dump_yaml_documents(documents: Iterable[Any]) -> str:

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from robovast.base.any_yaml import dump_any
 from robovast.base.errors import StorageError
 from robovast.base.file_errors import refuse_obstacle, writing
+from robovast.base.serialization import dump_yaml
 from robovast.kubeapi.submission import SubmitOptions, campaign_name, prepare_submission
 from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_cli.commands.exec.cluster.run import Image
@@ -69,7 +69,7 @@ def prepare_run(
         if out.is_dir() and any(out.iterdir()) and not (out / FILE).is_file():
             raise StorageError(f"{out} contains other files", hint="choose a new or empty folder")
         out.mkdir(parents=True, exist_ok=True)
-        (out / FILE).write_text(dump_any(submission.campaign), encoding="utf-8")
+        (out / FILE).write_text(dump_yaml(submission.campaign), encoding="utf-8")
         if submission.archive:
             key = submission.archive.key
             (out / key).write_bytes(submission.archive.content)

@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from robovast.base.any_yaml import dump_any
 from robovast.base.environment import environment
 from robovast.base.errors import ExitCode, RobovastError
+from robovast.base.serialization import dump_yaml
 from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name, prepare_submission
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
@@ -169,7 +169,7 @@ def _print_campaign(
     name = campaign_name(document, unique=False)
     submission = prepare_submission(document, options, name, namespace)
     campaign = submission.campaign
-    text = dump_any(campaign) if form == "yaml" else json.dumps(campaign, indent=2) + "\n"
+    text = dump_yaml(campaign) if form == "yaml" else json.dumps(campaign, indent=2) + "\n"
     sys.stdout.write(text)
     if submission.archive:
         _warn_of_archive(submission)

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime
-from typing import Any
+from datetime import UTC
 
-import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robovast.base.any_yaml import dump_any
-from robovast.base.plain_yaml import NotSimpleError, dump_simple
 from robovast.base.serialization import dump_yaml
 
 WORDS = st.sampled_from(
@@ -25,40 +21,6 @@ NAMES = st.one_of(
     st.datetimes().map(lambda time: time.replace(tzinfo=UTC).isoformat()),
     WORDS,
 )
-DATA = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), NAMES),
-    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(NAMES, inner, max_size=4)),
-    max_leaves=12,
-)
-
-
-@settings(max_examples=300, deadline=None)
-@given(DATA)
-def test_what_is_simple_is_written_as_any_yaml(data: Any) -> None:
-    try:
-        written = dump_simple(data)
-    except NotSimpleError:
-        return
-    assert written == dump_any(data)
-
-
-def test_what_campaigns_are_made_of_is_simple() -> None:
-    record = {
-        "name": "hall-3-2",
-        "config": {"speed": 0.5, "small": 1e-07, "goals": [[1, 2.5], []], "map": "/config/a.yaml"},
-        "_config_files": [{"name": "maps/a.yaml", "empty": {}}],
-        "started_at": datetime(2026, 3, 10, tzinfo=UTC).isoformat(),
-        "identifier": "7" * 63 + "a",
-        "nothing": None,
-    }
-    assert dump_simple([record]) == dump_any([record]) == dump_yaml([record])
-
-
-@pytest.mark.parametrize("data", [{"a": "b: c"}, {1: 2}, ["é"], "text", {"a": float("nan")}, {}])
-def test_the_rest_is_left_to_pyyaml(data: Any) -> None:
-    with pytest.raises(NotSimpleError):
-        dump_simple(data)
-    assert dump_yaml(data) == dump_any(data)
 
 
 class CoreSchema(yaml.SafeLoader):
