@@ -11,10 +11,10 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from robovast.base.printable import PrintableFormatter
-from robovast_cli import other_project
+from robovast_cli import conflicting_package
 from robovast_cli.lazy import Lazy, add_lazy, new_app, paths_of
-from robovast_cli.ui.report import errors_reported, tell
-from robovast_cli.ui.usage import UsageError, normalize_paths, usage_explained
+from robovast_cli.ui.report import echo_stderr, report_errors
+from robovast_cli.ui.usage import UsageError, explain_usage_errors, normalize_paths
 from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
@@ -92,12 +92,12 @@ class Root(TyperGroup):
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
     ) -> Any:
         """Parse the global options."""
-        with usage_explained(), errors_reported():
+        with explain_usage_errors(), report_errors():
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a command; what it returns is the exit code."""
-        with usage_explained(), errors_reported():
+        with explain_usage_errors(), report_errors():
             code = super().invoke(ctx)
         raise typer.Exit(int(code or 0))
 
@@ -167,6 +167,6 @@ def command() -> Any:
 
 def main() -> None:
     """Run `vast` with the arguments of the process; exits with a code of `ExitCode`."""
-    if found := other_project.warning():
-        tell(found)
+    if found := conflicting_package.conflict_warning():
+        echo_stderr(found)
     command()(prog_name="vast")

@@ -16,7 +16,7 @@ from typer.core import TyperCommand
 from typer.main import get_command
 
 from robovast.base.errors import CannotRunError
-from robovast_cli.ui.report import tell
+from robovast_cli.ui.report import echo_stderr
 
 GROUPS = ("robovast.cli_plugins", "vast.plugins")
 
@@ -96,7 +96,7 @@ def find_plugins(taken: Iterable[str], report: Callable[[str], None]) -> dict[st
 
 def report_on_stderr(line: str) -> None:
     """Print a warning."""
-    tell(f"warning: {line}")
+    echo_stderr(f"warning: {line}")
 
 
 def _problem(entry: EntryPoint, other: EntryPoint | None, taken: Iterable[str]) -> str | None:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from robovast.base.errors import InputError
 from robovast.base.paths import normalized
-from robovast_cli.ui.report import tell
-from robovast_cli.ui.working import working
+from robovast_cli.ui.progress_line import progress_line
+from robovast_cli.ui.report import echo_stderr
 
 if TYPE_CHECKING:
     from robovast.model.document import Document
@@ -72,7 +72,7 @@ class Workspace:
         project = self.project  # its log level holds for what follows
         del project
         path = self.path
-        with working(f"Reading {path.name}"):
+        with progress_line(f"Reading {path.name}"):
             from robovast.execution.local.scenario_syntax import check_syntax
             from robovast.model.document import load_document
 
@@ -80,7 +80,7 @@ class Workspace:
             if parse_scenario:
                 check_syntax(document.scenario)
         for warning in document.warnings:
-            tell(f"warning: {warning}")
+            echo_stderr(f"warning: {warning}")
         return document
 
     @property

@@ -33,7 +33,7 @@ UNBOUNDED = {
         *("pods/templates", "ui/campaign_report/html", "rosbags_common"),
     },
     "standard input, or the answer of a server that the user chose": {
-        *("ui/answers", "commands/results/query", "storage/s3"),
+        *("commands/results/sparql", "commands/results/query", "storage/s3"),
     },
 }
 """Modules that read whole files in other ways, by the reason."""

@@ -12,7 +12,7 @@ import pytest
 
 from robovast.base import installation
 from robovast.base.installation import install_command
-from robovast_cli import other_project
+from robovast_cli import conflicting_package
 
 METADATA = """Metadata-Version: 2.4
 Name: robovast-operator
@@ -98,12 +98,12 @@ def test_the_command_changes_the_environment_that_runs(
 
 
 def test_the_other_project_is_named_with_the_remedy(tmp_path: Path) -> None:
-    assert other_project.warning(tmp_path / "absent") is None
+    assert conflicting_package.conflict_warning(tmp_path / "absent") is None
     for name in ("robovast_operator-9.dist-info", "robovast_nav-2.dist-info", "robovast"):
         (tmp_path / name).mkdir()
-    assert other_project.warning(tmp_path) is None
+    assert conflicting_package.conflict_warning(tmp_path) is None
     (tmp_path / "robovast-2.2.1.dist-info").mkdir()
-    text = other_project.warning(tmp_path)
+    text = conflicting_package.conflict_warning(tmp_path)
     assert text is not None
     assert text.startswith("warning: the package `robovast` 2.2.1 of another project")
     assert "\nhint: uninstall both packages" in text

@@ -11,7 +11,7 @@ from robovast.base.errors import InputError
 from robovast.base.optional_deps import MCP
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 TOKEN = "ROBOVAST_MCP_TOKEN"  # noqa: S105  # the variable's name
 
@@ -61,7 +61,7 @@ def mcp(
     token, told = choose_token(os.environ)
 
     def show(url: str) -> None:
-        say(f"Serving {root} at {url} with {told}")
+        echo(f"Serving {root} at {url} with {told}")
 
     serve_http(root, (host, port), token, show, transport, debug)
 

@@ -27,7 +27,7 @@ from robovast_cli.commands.replay import Image, Out, Runtime, get_run
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.campaign import view
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import format_table
 from robovast_cli.workspace import shown
 
@@ -96,7 +96,7 @@ def minimise(
         else:
             found = continue_minimising(stored, resume, budget, options, progress)
     for line in _lines(found, folder, budget):
-        say(line)
+        echo(line)
     return ExitCode.INTERRUPTED if found.end is End.INTERRUPTED else ExitCode.OK
 
 

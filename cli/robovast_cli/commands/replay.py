@@ -22,7 +22,7 @@ from robovast.model.naming import is_run_number
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.campaign import view
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.workspace import shown
 
 DIFFERS = ExitCode.TEST_FAILED
@@ -108,16 +108,16 @@ def replay(
     with view() as progress:
         summary = replay_run(stored, out, times, options, progress)
     if summary.interrupted:
-        say(f"Interrupted. Finished re-runs: {shown(summary.campaign)}")
+        echo(f"Interrupted. Finished re-runs: {shown(summary.campaign)}")
         return ExitCode.INTERRUPTED
     replays = [summary.campaign / stored.variant.name / str(r.run) for r in summary.records]
     report = report_replays(stored.folder, replays, compared)
     lines = list(_lines(report))
     for line in ("", *lines):
-        say(line)
+        echo(line)
     record = {"of": stored.full_path, "same": not report.differs, "text": lines}
     write_atomically(summary.campaign / REPLAY, json.dumps(record, indent=1) + "\n")
-    say(f"Results: {shown(summary.campaign)}")
+    echo(f"Results: {shown(summary.campaign)}")
     return DIFFERS if report.differs else ExitCode.OK
 
 

@@ -13,7 +13,7 @@ from robovast.base.optional_deps import ROS
 from robovast.model.naming import is_run_number
 from robovast_cli.commands.evaluation.gui import NoBrowser, Port, make_starting, present, serving
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 PLAYER = "robovast.evaluation.drive.drives"
 
@@ -90,10 +90,10 @@ def _serve_to_foxglove(run: Path, results: Path, names: tuple[str, ...], port: i
 
     def ready(address: str, faults: list[str]) -> None:
         _say_faults(faults)
-        say(f"Serving {run}: {address}")
+        echo(f"Serving {run}: {address}")
         link = f"lichtblick://open?ds=remote-file&ds.url={quote(address, safe='')}"
-        say(f"  Lichtblick: lichtblick '{link}'")
-        say("  Foxglove, or Lichtblick in a browser: Open connection > Remote file > this address")
+        echo(f"  Lichtblick: lichtblick '{link}'")
+        echo("  Foxglove, or Lichtblick in a browser: Open connection > Remote file > this address")
 
     name = "-".join(names[1:]) + ".mcap"
     serve_mcap(results, _bag(results, names), name, port, ready)
@@ -109,7 +109,7 @@ def _bag(results: Path, names: tuple[str, ...]) -> str:
 
 def _say_faults(faults: list[str]) -> None:
     for fault in faults:
-        say(f"Incomplete: {fault}")
+        echo(f"Incomplete: {fault}")
 
 
 def _place(path: Path) -> tuple[Path, tuple[str, ...]]:

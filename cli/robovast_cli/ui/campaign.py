@@ -24,10 +24,10 @@ from robovast.model.document import Document
 from robovast.model.expansion import select_variants
 from robovast.search import local as search
 from robovast.search.local import SearchSummary, execute_document
-from robovast_cli.ui.expanding import expanded
+from robovast_cli.ui.expansion import expanded_variants
 from robovast_cli.ui.live_view import LiveView, is_live
 from robovast_cli.ui.local_view import LocalView
-from robovast_cli.ui.output import asked, say_verdicts
+from robovast_cli.ui.output import ask, echo_verdicts
 from robovast_cli.ui.search_summary import search_lines
 from robovast_cli.workspace import shown
 
@@ -76,7 +76,7 @@ def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
     if os.path.lexists(out) or not _looks_like_configuration(str(out), entries):
         return options
     folder = f"use `--output '{out}'` to create a folder of this name"
-    with expanded(document) as variants:
+    with expanded_variants(document) as variants:
         try:
             number = len(select_variants(variants, str(out)))
         except InputError as error:
@@ -89,7 +89,7 @@ def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
             hint=f"use `--config '{out}'` to run only this selection; {folder}",
         )
     question = f"`{out}` is {kind}. Run only this selection (no: create the folder {out})?"
-    return replace(options, select=str(out)) if asked(question, default=True) else options
+    return replace(options, select=str(out)) if ask(question, default=True) else options
 
 
 def _looks_like_configuration(name: str, entries: Iterable[str]) -> bool:
@@ -110,7 +110,7 @@ def _watch(execute: Callable[[LocalView], ExecutionSummary]) -> ExitCode:
     with view() as shows:
         summary = execute(shows)
     for line in summary_lines(summary):
-        say_verdicts(line)
+        echo_verdicts(line)
     return exit_code(summary)
 
 

@@ -10,7 +10,7 @@ from typing import Protocol, Self
 from robovast.base.printable import printable
 from robovast_cli.kube.status import CampaignState, now
 from robovast_cli.ui.live_view import LiveView, Standing, clock_time, is_live
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import format_table
 
 STEPS = 100
@@ -50,7 +50,7 @@ class CampaignLines:
             mark = (campaign.status.state, step, min(bad, STEPS), runs.needed, *campaign.messages)
             if self._said.get(campaign.name) != mark:
                 self._said[campaign.name] = mark
-                say(line(campaign))
+                echo(line(campaign))
 
 
 def line(campaign: CampaignState) -> str:

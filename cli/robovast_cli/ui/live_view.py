@@ -87,7 +87,7 @@ class LiveView:
         """Give the terminal back."""
         self._live.stop()
 
-    def say(self, line: str, word: str = "") -> None:
+    def print_line(self, line: str, word: str = "") -> None:
         """Leave a line; the word that it begins with has its style."""
         from rich.text import Text
 

@@ -15,7 +15,7 @@ from robovast.campaign.verdict import Verdict
 from robovast.execution.local.pack_queue import Decided
 from robovast.model.plan import Run
 from robovast_cli.ui.live_view import LiveView, Standing, clock_time
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.workspace import shown
 
 MOST_LINES = 100
@@ -116,13 +116,13 @@ class LocalView:
         is_new = not passed and self._is_new(record.reason)
         if self._live:
             if is_new:
-                self._live.say(line, str(record.verdict))
+                self._live.print_line(line, str(record.verdict))
             return
         if is_new or self.total <= MOST_LINES:
-            say(f"[{self.done:>{len(str(self.total))}}/{self.total}] {line}")
+            echo(f"[{self.done:>{len(str(self.total))}}/{self.total}] {line}")
         steps = [done * 100 // self.total for done in (self.done - 1, self.done)]
         if self.total > MOST_LINES and steps[0] < steps[1]:
-            say(f"{self._counts()}{f', about {clock_time(self.left)} left' if self.left else ''}")
+            echo(f"{self._counts()}{f', about {clock_time(self.left)} left' if self.left else ''}")
 
     def _is_new(self, reason: str) -> bool:
         """Whether no earlier run had this cause; the summary counts the others."""
@@ -138,9 +138,9 @@ class LocalView:
     def message(self, text: str) -> None:
         """Leave a line."""
         if self._live:
-            self._live.say(text)
+            self._live.print_line(text)
         else:
-            say(text)
+            echo(text)
 
     def _counts(self) -> str:
         """`12 of 260 done: 4 before, 7 passed, 1 failed`."""

@@ -16,7 +16,7 @@ from robovast_cli.ui.live_view import is_live
 from robovast_cli.ui.report import silence_stdout
 
 
-def say(line: str, *, colour: bool = False) -> None:
+def echo(line: str, *, colour: bool = False) -> None:
     """Print a line at once; nothing when the reader of stdout has gone."""
     text = printable(line)
     try:
@@ -33,16 +33,16 @@ _VERDICT = re.compile(
 )
 
 
-def say_verdicts(line: str) -> None:
+def echo_verdicts(line: str) -> None:
     """Like `say`; on a terminal verdicts at its begin and counted ones have colours."""
-    say(line, colour=is_live(sys.stdout) and "NO_COLOR" not in os.environ)
+    echo(line, colour=is_live(sys.stdout) and "NO_COLOR" not in os.environ)
 
 
 def _coloured(found: re.Match[str]) -> str:
     return f"\x1b[{_COLOURS[found['counted'] or found[0]]}m{found[0]}\x1b[0m"
 
 
-def say_data(text: str) -> None:
+def echo_data(text: str) -> None:
     """Print what programs read: to a terminal as it can be shown there, otherwise as it is.
 
     Lone surrogates, which no encoding has, are written as `\\ud800` everywhere.
@@ -51,9 +51,9 @@ def say_data(text: str) -> None:
     sys.stdout.write(printable(text) if sys.stdout.isatty() else encodable)
 
 
-def say_json(data: Any) -> None:
+def echo_json(data: Any) -> None:
     """Print data as JSON."""
-    say_data(printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n")
+    echo_data(printable_json(json.dumps(data, indent=1, ensure_ascii=False)) + "\n")
 
 
 def json_list(items: Iterable[str]) -> str:
@@ -61,7 +61,7 @@ def json_list(items: Iterable[str]) -> str:
     return printable_json("[\n" + ",\n".join(items) + "\n]\n")
 
 
-def asked(question: str, *, default: bool) -> bool:
+def ask(question: str, *, default: bool) -> bool:
     """Ask the user.
 
     Raises:

@@ -25,7 +25,7 @@ BROKEN_PIPE = 141
 
 
 @contextlib.contextmanager
-def errors_reported() -> Iterator[None]:
+def report_errors() -> Iterator[None]:
     """Turn every exception into a message on stderr and an exit code.
 
     Raises:
@@ -36,11 +36,11 @@ def errors_reported() -> Iterator[None]:
         sys.stdout.flush()
     except RobovastError as error:
         _show_traceback()
-        tell(message_of(error))
+        echo_stderr(message_of(error))
         report(error=printable(_text_of(error)))
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
-        tell("interrupted")
+        echo_stderr("interrupted")
         raise typer.Exit(ExitCode.INTERRUPTED) from None
     except BrokenPipeError:
         silence_stdout()
@@ -50,15 +50,15 @@ def errors_reported() -> Iterator[None]:
     except Exception as error:
         _show_traceback()
         if lacking := missing_extra(error):
-            tell(message_of(lacking))
+            echo_stderr(message_of(lacking))
             raise typer.Exit(lacking.exit_code) from None
         if isinstance(error, OSError) and is_refusal(error):
             silence_stdout()  # what it holds would fail once more, if that is what has failed
-            tell(in_form(*refusal(error)))
+            echo_stderr(in_form(*refusal(error)))
             raise typer.Exit(ExitCode.STORAGE) from None
         cause = f"{type(error).__name__}: {error}".rstrip(": ").replace("\n", " ")
         bug, remedy = f"a bug in RoboVAST: {cause}", "run `vast -l debug …` to see the traceback"
-        tell(in_form(bug, remedy))
+        echo_stderr(in_form(bug, remedy))
         raise typer.Exit(ExitCode.INTERNAL) from None
 
 
@@ -101,7 +101,7 @@ def _show_traceback() -> None:
         traceback.print_exc()
 
 
-def tell(text: str) -> None:
+def echo_stderr(text: str) -> None:
     """Print a line safely on stderr; errors of a closed stderr are ignored."""
     with contextlib.suppress(OSError):
         print(printable(text), file=sys.stderr, flush=True)  # noqa: T201

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from decimal import Decimal
 from typing import Any, Literal
 
-from robovast_cli.ui.output import json_list, say_data
+from robovast_cli.ui.output import echo_data, json_list
 from robovast_cli.ui.table import counted, format_table
 
 Format = Literal["table", "csv", "json"]
@@ -40,11 +40,11 @@ def print_rows(
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows([_text(value) for value in row] for row in rows)
-        say_data(text.getvalue())
+        echo_data(text.getvalue())
     elif output == "json":
         records = ({n: _jsonable(v) for n, v in zip(columns, row, strict=True)} for row in rows)
         encode = json.JSONEncoder(ensure_ascii=False, default=str).encode
-        say_data(json_list(map(encode, records)))
+        echo_data(json_list(map(encode, records)))
     else:
         cells = [[cell(value) for value in row] for row in rows]
         sys.stdout.write(f"{format_table(columns, cells)}\n{counted(len(cells), 'row')}\n")

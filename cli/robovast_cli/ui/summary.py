@@ -22,7 +22,7 @@ from robovast.evaluation.rates import (
     soonest_decided,
     why_wider,
 )
-from robovast_cli.ui.output import say_data, say_json
+from robovast_cli.ui.output import echo_data, echo_json
 from robovast_cli.ui.table import WIDEST_CELL, WIDEST_REASON, counted, format_table, shortened
 
 Format = Literal["text", "json"]
@@ -63,9 +63,9 @@ def print_summary(findings: Findings, output: Format, worst: int) -> None:
         worst: number of configurations, and of causes, in the text; 0 means all.
     """
     if output == "json":
-        say_json(_data(findings))
+        echo_json(_data(findings))
     else:
-        say_data(_text(findings, worst))
+        echo_data(_text(findings, worst))
 
 
 def _data(findings: Findings) -> dict[str, Any]:

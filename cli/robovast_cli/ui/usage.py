@@ -12,7 +12,7 @@ from typing import Any
 import typer
 
 from robovast.base.paths import normalized
-from robovast_cli.ui.report import in_form, tell
+from robovast_cli.ui.report import echo_stderr, in_form
 
 _TOO_MANY = "Got unexpected extra argument"
 _VAST_FILE = "pass the .vast file before the command: `vast -V FILE …`"
@@ -36,7 +36,7 @@ class UsageError(typer.BadParameter):
 
 
 @contextmanager
-def usage_explained() -> Iterator[None]:
+def explain_usage_errors() -> Iterator[None]:
     """Reword errors about the command line and print them, below the usage of the command.
 
     Raises:
@@ -51,7 +51,7 @@ def usage_explained() -> Iterator[None]:
         ctx = getattr(error, "ctx", None)
         usage = f"{ctx.get_usage()}\n\n" if ctx else ""
         help_option = f"run `{ctx.command_path} --help`" if ctx else ""
-        tell(f"{usage}{in_form(message, hint or help_option)}")
+        echo_stderr(f"{usage}{in_form(message, hint or help_option)}")
         raise typer.Exit(error.exit_code) from None
 
 

@@ -19,7 +19,7 @@ from robovast.model.variant import Variant
 from robovast_cli.ui.campaign import MOST_LISTED, exit_code, summary_lines
 from robovast_cli.ui.live_view import LiveView, clock_time
 from robovast_cli.ui.local_view import LocalView
-from robovast_cli.ui.output import say_verdicts
+from robovast_cli.ui.output import echo_verdicts
 
 
 def runs_of(count: int) -> list[Run]:
@@ -101,19 +101,19 @@ def test_crashes_and_timeouts_are_never_among_the_causes_that_are_left_out() -> 
 
 def test_verdicts_have_colours_on_a_terminal_alone(monkeypatch, capsys) -> None:
     for line in ("failed     3 × 0 failed tests", "4 runs: 1 passed, 3 failed."):
-        say_verdicts(line)
+        echo_verdicts(line)
     assert "\x1b" not in capsys.readouterr().out
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    say_verdicts("failed     3 × 0 failed tests")
-    say_verdicts("4 runs: 1 passed, 3 failed.")
+    echo_verdicts("failed     3 × 0 failed tests")
+    echo_verdicts("4 runs: 1 passed, 3 failed.")
     assert capsys.readouterr().out.splitlines() == [
         "\x1b[31mfailed\x1b[0m     3 × 0 failed tests",
         "4 runs: \x1b[32m1 passed\x1b[0m, \x1b[31m3 failed\x1b[0m.",
     ]
     monkeypatch.setenv("NO_COLOR", "1")
-    say_verdicts("4 runs: 1 passed.")
+    echo_verdicts("4 runs: 1 passed.")
     assert "\x1b" not in capsys.readouterr().out
 
 

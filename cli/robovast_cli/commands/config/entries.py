@@ -24,9 +24,9 @@ from robovast.model.document.source import Source
 from robovast.model.expansion import Variant, select_any
 from robovast.model.scenario import Scenario, read_scenario
 from robovast_cli.lazy import examples
-from robovast_cli.ui.expanding import expanded
-from robovast_cli.ui.output import asked
-from robovast_cli.ui.report import tell
+from robovast_cli.ui.expansion import expanded_variants
+from robovast_cli.ui.output import ask
+from robovast_cli.ui.report import echo_stderr
 from robovast_cli.ui.table import counted
 from robovast_cli.workspace import shown
 
@@ -73,14 +73,14 @@ def _export(document: Document, patterns: Sequence[str], output: Path | None) ->
         InputError: a pattern matches nothing, or a configuration needs files of its own.
         StorageError: the file exists or cannot be written.
     """
-    with expanded(document) as variants:
+    with expanded_variants(document) as variants:
         entries = [_entry(variant) for variant in select_any(variants, patterns)]
     text = dump_yaml({"version": 1, "configuration": entries})
     if output is None:
         sys.stdout.write(text)
         return
     if output.exists() and sys.stdin.isatty():
-        if not asked(f"{output} exists. Replace it?", default=True):
+        if not ask(f"{output} exists. Replace it?", default=True):
             return
         output.unlink()
     with writing(output), output.open("x", encoding="utf-8") as file:
@@ -138,7 +138,7 @@ def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
 def _refuse_created(document: Document, source: Path) -> None:
     """Refuse names that variations of the document create already."""
     try:
-        with expanded(document):
+        with expanded_variants(document):
             pass
     except InputError as error:
         message = f"{source}: no configuration was added, because {error.message}"
@@ -150,14 +150,14 @@ def _is_usable(document: Document, entry: Any, source: Path) -> bool:
     data = {**document.source.data, "configuration": [entry]}
     try:
         alone = check_source(Source(document.path, dump_yaml(data)))
-        with expanded(alone):
+        with expanded_variants(alone):
             return True
     except DocumentError as error:
         cause = "; ".join(f"{problem.key}: {problem.message}" for problem in error.problems)
     except RobovastError as error:
         cause = str(error)
     name = entry.get("name") if isinstance(entry, dict) else entry
-    tell(f"{source}: `{name}` is skipped: {cause}")
+    echo_stderr(f"{source}: `{name}` is skipped: {cause}")
     return False
 
 

@@ -17,8 +17,8 @@ from robovast.campaign.layout import Layout
 from robovast.execution.generate import write_configurations
 from robovast.model.expansion import compose
 from robovast_cli.lazy import examples
+from robovast_cli.ui.progress_line import progress_line
 from robovast_cli.ui.table import counted
-from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
 
@@ -56,10 +56,10 @@ def generate(
                 hint="choose a new folder, or empty this one",
             )
         with _work_folder(out, keep_transient) as work, _cache(not no_cache):
-            with working(f"Expanding {document.source.file.name}") as tell:
-                composition = compose(document, work, tell)
-            with working(f"Writing {len(composition.variants)} configurations") as tell:
-                write_configurations(document, composition, out, timings=False, tell=tell)
+            with progress_line(f"Expanding {document.source.file.name}") as show:
+                composition = compose(document, work, show)
+            with progress_line(f"Writing {len(composition.variants)} configurations") as show:
+                write_configurations(document, composition, out, timings=False, tell=show)
     count = counted(len(composition.variants), "configuration")
     typer.echo(f"Wrote {count} to {shown(out)}.")
 

@@ -38,8 +38,8 @@ from robovast.model.scenario import read_scenario
 from robovast_cli.commands.config.listing import runs_of_each
 from robovast_cli.lazy import examples
 from robovast_cli.plugins import origin
-from robovast_cli.ui.expanding import expanded
-from robovast_cli.ui.report import message_of, tell
+from robovast_cli.ui.expansion import expanded_variants
+from robovast_cli.ui.report import echo_stderr, message_of
 from robovast_cli.ui.table import counted, format_table
 
 MOST_ERRORS = 20
@@ -53,7 +53,7 @@ MOST_ERRORS = 20
 def info(ctx: typer.Context) -> None:
     """Summarize the campaign that the .vast file describes."""
     document = ctx.obj.document()
-    with expanded(document) as variants:
+    with expanded_variants(document) as variants:
         entries = _entries(document, variants)
     pairs = [[name, value] for name, value in _facts(document) if value]
     typer.echo(format_table(["file", str(document.path)], pairs))
@@ -106,12 +106,12 @@ def _raise_all(errors: Sequence[RobovastError]) -> NoReturn:
     """Raise one error, if possible one of the user's input, and print the others."""
     *others, last = sorted(errors, key=lambda error: isinstance(error, InputError))
     for error in others:
-        tell(message_of(error))
+        echo_stderr(message_of(error))
     raise last
 
 
 def _count(document: Document) -> int:
-    with expanded(document) as variants:
+    with expanded_variants(document) as variants:
         return len(variants)
 
 

@@ -15,7 +15,7 @@ from robovast.model.document import Document
 from robovast.model.document.execution import Execution
 from robovast.model.expansion import Variant
 from robovast_cli.lazy import examples
-from robovast_cli.ui.expanding import expanded
+from robovast_cli.ui.expansion import expanded_variants
 from robovast_cli.ui.output import json_list
 from robovast_cli.ui.table import WIDEST_CELL, counted, format_table, shortened
 
@@ -63,7 +63,7 @@ def print_configurations(document: Document, output: Format, *, internal: bool) 
         output: format of the output.
         internal: also show keys that begin with `_`.
     """
-    with expanded(document) as variants:
+    with expanded_variants(document) as variants:
         text = _FORMATS[output](variants, internal)
     if output == "table":
         text += f"\n{_count(document, variants)}\n"

@@ -15,9 +15,9 @@ from robovast.model.expansion import Variant, select_any
 from robovast.model.naming import CONFIG_MOUNT
 from robovast.navigation.base import RECORD
 from robovast_cli.lazy import examples
-from robovast_cli.ui.expanding import expanded
+from robovast_cli.ui.expansion import expanded_variants
+from robovast_cli.ui.progress_line import progress_line
 from robovast_cli.ui.table import counted
-from robovast_cli.ui.working import working
 from robovast_cli.workspace import shown
 
 Format = Literal["svg", "png"]
@@ -44,7 +44,7 @@ def view(
 ) -> None:
     """Draw the map, start, goals, path and obstacles of configurations."""
     document = ctx.obj.document()
-    with expanded(document) as variants, working("Drawing") as tell:
+    with expanded_variants(document) as variants, progress_line("Drawing") as show:
         mapped = [
             variant for variant in select_any(variants, config) if _record(variant).get("map_file")
         ]
@@ -57,7 +57,7 @@ def view(
         with writing(out):
             out.mkdir(parents=True, exist_ok=True)
             for variant in mapped:
-                tell(variant.name)
+                show(variant.name)
                 content = _picture(document, variant, format_)
                 (out / f"{variant.name}.{format_}").write_bytes(content)
     typer.echo(f"Wrote {counted(len(mapped), 'image')} to {shown(out)}.")

@@ -15,7 +15,7 @@ from robovast.base.optional_deps import GUI
 from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def _show_bucket(
             page = f"{address}#/campaign/{quote(found.campaign)}"
             present(library.place, page, no_browser=no_browser)
 
-        serve(library, port, show, starting=Starting([], None, IN_BUCKET, False, say))
+        serve(library, port, show, starting=Starting([], None, IN_BUCKET, False, echo))
 
 
 def serving() -> "Callable[..., None]":
@@ -173,7 +173,7 @@ def serving() -> "Callable[..., None]":
 def present(folder: Path | str, page: str, *, no_browser: bool) -> None:
     """Print the address of a page that shows a folder or bucket, and open it where there is a
     screen."""
-    say(f"Showing {folder}: {page}")
+    echo(f"Showing {folder}: {page}")
     if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
         Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
 
@@ -194,7 +194,7 @@ def make_starting(
         except InputError as error:
             refusal = f"No campaign can be started in the web UI: {error}"
     absolute = None if document is None else document.absolute()
-    return Starting(program, absolute, refusal, postprocess, say)
+    return Starting(program, absolute, refusal, postprocess, echo)
 
 
 def _program() -> list[str]:
@@ -213,4 +213,4 @@ def _preparation(folder: Path, force: bool, override: Path | None) -> "Preparati
     words = [*_program(), "results", "postprocess", "-r", str(folder)]
     words += ["--force"] if force else []
     words += ["--override", str(override)] if override else []
-    return Preparation(words, found, say)
+    return Preparation(words, found, echo)

@@ -6,8 +6,14 @@ from typing import Annotated
 
 import typer
 
+from robovast.analysis.tables.campaign_store import index_campaign
+from robovast.campaign.discovery import find_campaigns
+from robovast.campaign.layout import Layout
+from robovast.model.naming import CAMPAIGN_STORE
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import examples
+from robovast_cli.ui.output import echo
+from robovast_cli.workspace import shown
 
 
 @examples(
@@ -26,13 +32,6 @@ def index(
     The SQLite database contains parameters and verdicts of each configuration. `vast results
     postprocess` also creates it. The database of a search is not modified.
     """
-    from robovast.analysis.tables.campaign_store import index_campaign
-    from robovast.campaign.discovery import find_campaigns
-    from robovast.campaign.layout import Layout
-    from robovast.model.naming import CAMPAIGN_STORE
-    from robovast_cli.ui.output import say
-    from robovast_cli.workspace import shown
-
     for campaign in find_campaigns(results_dir or ctx.obj.results):
         made = index_campaign(Layout(campaign.absolute()), force=force)
-        say(f"{shown(campaign)}: {CAMPAIGN_STORE}{'' if made else ' is up to date'}")
+        echo(f"{shown(campaign)}: {CAMPAIGN_STORE}{'' if made else ' is up to date'}")

@@ -11,7 +11,7 @@ import typer
 from robovast.base.errors import ExitCode
 from robovast.base.file_errors import read_content
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 PROGRAMS = ("jupyter-lab", "jupyter-notebook")
 
@@ -68,13 +68,13 @@ def notebook(
     parts = [] if batch is None else [f"batch-{batch}"]
     copy = Path(f"{'-'.join((original.stem, *target.names, *parts))}.ipynb")
     if copy.exists():
-        say(f"{copy} exists already and is not modified.")
+        echo(f"{copy} exists already and is not modified.")
     else:
         import nbformat
 
         content = read_notebook(read_content(original), target.folder, batch)
         copy.write_text(nbformat.writes(content), encoding="utf-8")
-        say(f"Wrote {copy}.")
+        echo(f"Wrote {copy}.")
     return _open(copy, original.parent)
 
 
@@ -82,7 +82,7 @@ def _open(copy: Path, modules: Path) -> int:
     """Open a notebook, whose kernel finds the modules next to the original."""
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     if program is None:
-        say("Jupyter is not installed. Open the file in your editor, or: pip install jupyterlab")
+        echo("Jupyter is not installed. Open the file in your editor, or: pip install jupyterlab")
         return ExitCode.OK
     path = os.pathsep.join(filter(None, (str(modules), os.environ.get("PYTHONPATH"))))
     return subprocess.run([program, copy], env={**os.environ, "PYTHONPATH": path}).returncode

@@ -35,7 +35,7 @@ from robovast_cli.ui.comparison import (
     share_text,
 )
 from robovast_cli.ui.markdown import code, markdown_table
-from robovast_cli.ui.output import say_data, say_json
+from robovast_cli.ui.output import echo_data, echo_json
 from robovast_cli.ui.table import format_table
 
 Compared = Sequence[tuple[str, Comparison]]
@@ -118,9 +118,9 @@ def compare(
             write_report(path, report(before.name, found))
     if output == "json":
         data = [_data(before.name, name, one) for name, one in found]
-        say_json(data[0] if len(data) == 1 else {"base": before.name, "comparisons": data})
+        echo_json(data[0] if len(data) == 1 else {"base": before.name, "comparisons": data})
     else:
-        say_data(_text(before.name, found))
+        echo_data(_text(before.name, found))
     raise typer.Exit(_exit_code(found, fail_on))
 
 

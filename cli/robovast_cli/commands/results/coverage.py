@@ -25,7 +25,7 @@ from robovast_cli.commands.results.options import (
     read_campaign,
 )
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say, say_data
+from robovast_cli.ui.output import echo, echo_data
 from robovast_cli.ui.table import WIDEST_CELL, counted, format_table, shortened
 
 
@@ -72,11 +72,11 @@ def coverage(
     layout = Layout(folder)
     document = load_document(document_path(layout, read_configurations(layout)))
     found = campaign_coverage(document, read_campaign(folder).variants, buckets)
-    say_data(_coverage_text(found, worst))
+    echo_data(_coverage_text(found, worst))
     if holes is not None:
         text, count = _gaps_document(document, found)
         write_report(holes, text)
-        say(f"{holes}: {counted(count, 'configuration')}. To run: vast -V {holes} exec local run")
+        echo(f"{holes}: {counted(count, 'configuration')}. To run: vast -V {holes} exec local run")
 
 
 def _coverage_text(entries: Sequence[EntryCoverage], most: int) -> str:

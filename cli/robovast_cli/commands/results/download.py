@@ -32,8 +32,8 @@ from robovast_cli.kube.status import CampaignState, campaign_states
 from robovast_cli.kube.store import open_store
 from robovast_cli.lazy import examples
 from robovast_cli.ui.bars import Bars
-from robovast_cli.ui.output import say
-from robovast_cli.ui.report import message_of, tell
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.report import echo_stderr, message_of
 from robovast_cli.workspace import shown
 
 if TYPE_CHECKING:
@@ -132,13 +132,13 @@ def _download_shared(
                 error.message, hint="use `--from cluster` to search the object storage"
             ) from error
     for folder in fetched:
-        say(f"{shown(folder)}: downloaded from the file share.")
+        echo(f"{shown(folder)}: downloaded from the file share.")
         if warning := warn_of_executables(folder):
-            say(warning)
+            echo(warning)
     for folder in present:
-        say(f"{shown(folder)}: already exists. `--force` downloads it again.")
+        echo(f"{shown(folder)}: already exists. `--force` downloads it again.")
     if not fetched and not present:
-        say("No campaigns on the file share.")
+        echo("No campaigns on the file share.")
 
 
 def _download_campaigns(
@@ -160,7 +160,7 @@ def _download_campaigns(
             try:
                 _download_results(kube, results, output, force=force)
             except StorageError as error:
-                tell(message_of(error))
+                echo_stderr(message_of(error))
                 failed.append(results.name)
     if failed:
         raise StorageError(
@@ -206,21 +206,21 @@ def _download_results(
     with open_store(kube, results.place) as store:
         if results.campaign is not None:
             if _may_lack_bucket(results.campaign) and not store.has_bucket(results.bucket):
-                say(f"{results.campaign.name}: nothing is stored yet. Repeat the command later.")
+                echo(f"{results.campaign.name}: nothing is stored yet. Repeat the command later.")
                 return output / results.name
             is_owned(store, results.bucket, results.campaign.uid)
         folder = folder_for(output, results.name, owner_of(store, results.bucket))
         if folder.name != results.name:
-            say(f"The folder {results.name} belongs to another campaign. Using {folder.name}.")
+            echo(f"The folder {results.name} belongs to another campaign. Using {folder.name}.")
         with Bars() as bars:
             view = _ProgressBar(bars, folder.name)
             result = download_campaign(
                 store, results.bucket, folder, view, force=force, run=run, imported=True
             )
     for line in _summary(result):
-        say(line)
+        echo(line)
     if results.campaign is not None and results.campaign.status.decisions:
-        say(f"{printable(results.campaign.status.decisions)}.")
+        echo(f"{printable(results.campaign.status.decisions)}.")
     return folder
 
 

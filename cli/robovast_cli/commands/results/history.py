@@ -18,9 +18,9 @@ from robovast.evaluation.rates import Rate
 from robovast.model.naming import holds_campaign
 from robovast_cli.commands.results.options import ReportFormat, ResultsDir, named_campaign
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say_data, say_json
+from robovast_cli.ui.output import echo_data, echo_json
+from robovast_cli.ui.progress_line import progress_line
 from robovast_cli.ui.table import WIDEST_REASON, counted, format_table, shortened
-from robovast_cli.ui.working import working
 
 _COLUMNS = ["STARTED", "", "UNSUCCESSFUL", "RATE", "95 % INTERVAL", "CHANGED", "CAMPAIGN", "REASON"]
 _ALL, _SOME, _NONE = "○◐●"
@@ -71,7 +71,7 @@ def history(
         results, campaign = named.parent, named.name
     elif holds_campaign(results):
         results, campaign = results.parent, results.name
-    with working("Searching campaigns") as show:
+    with progress_line("Searching campaigns") as show:
         found = collect_history(
             results,
             campaign or latest_with(results, name),
@@ -80,9 +80,9 @@ def history(
             progress=lambda other, place, total: show(f"{other}, {place} of {total} campaigns"),
         )
     if output == "json":
-        say_json({"configuration": name, **asdict(found)})
+        echo_json({"configuration": name, **asdict(found)})
     else:
-        say_data(_text(name, found))
+        echo_data(_text(name, found))
 
 
 def _text(name: str, found: History) -> str:

@@ -7,8 +7,13 @@ from typing import Annotated
 
 import typer
 
+from robovast.campaign.executables import warn_of_executables
+from robovast.campaign.importing import import_archive
 from robovast_cli.commands.results.options import Target
 from robovast_cli.lazy import examples
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.progress_line import progress_line
+from robovast_cli.workspace import shown
 
 
 @examples(
@@ -29,14 +34,8 @@ def import_results(
 
     The campaign is imported completely or not at all. No file is written outside its folder.
     """
-    from robovast.campaign.executables import warn_of_executables
-    from robovast.campaign.importing import import_archive
-    from robovast_cli.ui.output import say
-    from robovast_cli.ui.working import working
-    from robovast_cli.workspace import shown
-
-    with working(f"Unpacking {archive}"):
+    with progress_line(f"Unpacking {archive}"):
         campaign = import_archive(archive, output or ctx.obj.results, force=force)
-    say(f"Imported {shown(campaign)}.")
+    echo(f"Imported {shown(campaign)}.")
     if warning := warn_of_executables(campaign):
-        say(warning)
+        echo(warning)

@@ -7,8 +7,14 @@ from typing import Annotated
 
 import typer
 
-from robovast_cli.commands.results.options import CampaignName, ResultsDir
+from robovast.base.atomic import write_report
+from robovast.base.errors import InputError
+from robovast.campaign.junit import merged_suites, report_text
+from robovast.campaign.layout import Layout
+from robovast_cli.commands.results.options import CampaignName, ResultsDir, named_campaign
 from robovast_cli.lazy import examples
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.table import counted
 
 
 @examples(
@@ -29,14 +35,6 @@ def junit(
     its report contradicts its verdict, the run is one case with the verdict. An interrupted run is
     a skipped case.
     """
-    from robovast.base.atomic import write_report
-    from robovast.base.errors import InputError
-    from robovast.campaign.junit import merged_suites, report_text
-    from robovast.campaign.layout import Layout
-    from robovast_cli.commands.results.options import named_campaign
-    from robovast_cli.ui.output import say
-    from robovast_cli.ui.table import counted
-
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     suites = merged_suites(Layout(folder))
     if not suites:
@@ -48,4 +46,4 @@ def junit(
     cases = [case for suite in suites for case in suite.cases]
     bad = sum(case.outcome in {"failure", "error"} for case in cases)
     found = f"{counted(len(cases), 'case')} of {counted(len(suites), 'configuration')}"
-    say(f"{file}: {found}, {bad} failed or errored")
+    echo(f"{file}: {found}, {bad} failed or errored")

@@ -7,8 +7,13 @@ from typing import Annotated
 
 import typer
 
-from robovast_cli.commands.results.options import Campaigns, ResultsDir
+from robovast.campaign.merge import merge_campaigns as merge
+from robovast_cli.commands.results.options import Campaigns, ResultsDir, chosen_campaigns
 from robovast_cli.lazy import examples
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.progress_line import progress_line
+from robovast_cli.ui.table import counted
+from robovast_cli.workspace import shown
 
 
 @examples(
@@ -29,22 +34,15 @@ def merge_campaigns(
     Tables, metadata and provenance are not copied. Create them with
     `vast results postprocess -r DIR`.
     """
-    from robovast.campaign.merge import merge_campaigns as merge
-    from robovast_cli.commands.results.options import chosen_campaigns
-    from robovast_cli.ui.output import say
-    from robovast_cli.ui.table import counted
-    from robovast_cli.ui.working import working
-    from robovast_cli.workspace import shown
-
     campaigns = chosen_campaigns(results_dir or ctx.obj.results, campaign)
     sources = [path for path in campaigns if path.absolute() != target.absolute()]
-    with working(f"Merging {counted(len(sources), 'campaign')}"):
+    with progress_line(f"Merging {counted(len(sources), 'campaign')}"):
         result = merge(sources, target)
     for path in result.unidentified:
-        say(f"{path}: not merged with other configurations, because it has no config_identifier.")
+        echo(f"{path}: not merged with other configurations, because it has no config_identifier.")
     for path in result.left_out:
-        say(f"{path}: skipped, because it has no `run.json` of a finished run.")
-    say(
+        echo(f"{path}: skipped, because it has no `run.json` of a finished run.")
+    echo(
         f"Merged {counted(len(sources), 'campaign')} into {shown(target)}: "
         f"{counted(result.configurations, 'configuration')}, {counted(result.runs, 'run')}."
     )

@@ -11,8 +11,8 @@ from robovast.base.errors import ExitCode, RobovastError
 from robovast.campaign.discovery import find_campaigns
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
-from robovast_cli.ui.working import working
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.progress_line import progress_line
 from robovast_cli.workspace import shown
 
 _log = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ def metadata(
     code = ExitCode.OK
     for campaign in find_campaigns(results_dir or ctx.obj.results):
         try:
-            with working(f"Describing {shown(campaign)}"):
+            with progress_line(f"Describing {shown(campaign)}"):
                 describe(campaign, own_plugins=not no_plugins)
                 if dot_pdf:
                     write_drawing(campaign)
@@ -56,5 +56,5 @@ def metadata(
             code = error.exit_code
         else:
             drawn = ", metadata.dot, metadata.pdf" if dot_pdf else ""
-            say(f"{shown(campaign)}: metadata.yaml, metadata.prov.json{drawn}")
+            echo(f"{shown(campaign)}: metadata.yaml, metadata.prov.json{drawn}")
     return code

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robovast.base.errors import InputError
-from robovast_cli.ui.report import tell
+from robovast_cli.ui.report import echo_stderr
 
 if TYPE_CHECKING:
     from robovast.evaluation.campaign_index import CampaignIndex
@@ -123,7 +123,7 @@ def read_campaign(folder: Path) -> CampaignIndex:
     from robovast.evaluation.campaign_index import CampaignIndex
 
     for run in Layout(folder).misnumbered_runs():
-        tell(
+        echo_stderr(
             f"warning: {run} is not counted: the number of a run has at most nine digits and no "
             "leading zeros. Rename the folder."
         )

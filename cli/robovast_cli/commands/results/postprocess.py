@@ -17,8 +17,8 @@ from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.commands.results.plugin_list import described_plugins
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.bars import Bars
-from robovast_cli.ui.output import say
-from robovast_cli.ui.report import tell
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.report import echo_stderr
 from robovast_cli.ui.table import counted
 
 MOST_LISTED = 20
@@ -150,12 +150,12 @@ class View:
     def message(self, text: str) -> None:
         """Print a line."""
         self.close()
-        say(text)
+        echo(text)
 
     def campaign_finished(self, summary: PostprocessingSummary) -> None:
         """Print the result of a campaign."""
         self.close()
-        say(f"{summary.campaign.name}: {_outcome(summary)}")
+        echo(f"{summary.campaign.name}: {_outcome(summary)}")
 
     def close(self) -> None:
         """Remove the bar; the next step shows it again."""
@@ -172,7 +172,7 @@ def postprocess_campaigns(results: Path, options: Options) -> ExitCode:
     failures = [failure for summary in summaries for failure in summary.failures]
     lines = _failure_lines(failures)
     for line in lines[:MOST_LISTED]:
-        tell(f"failed: {line}")
+        echo_stderr(f"failed: {line}")
     if len(lines) > MOST_LISTED:
         typer.echo(f"… and {len(lines) - MOST_LISTED} more failures", err=True)
     if any(summary.interrupted for summary in summaries):

@@ -20,7 +20,7 @@ from robovast_cli.commands.results.plugin_list import described_plugins
 from robovast_cli.commands.results.postprocess import postprocess_campaigns
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.bars import Bars
-from robovast_cli.ui.output import asked, say
+from robovast_cli.ui.output import ask, echo
 from robovast_cli.workspace import shown
 
 _GIVEN = ("results_dir", "config_dir", "context")
@@ -78,7 +78,7 @@ def publish(
             )
             return failed[0]
     with Bars() as bars:
-        publication.publish(batches, options, _context(bars), say)
+        publication.publish(batches, options, _context(bars), echo)
     return ExitCode.OK
 
 
@@ -98,6 +98,6 @@ def _context(bars: Bars) -> PublicationContext:
 
     def confirm(path: Path) -> bool:
         bars.close()
-        return asked(f"{shown(path)} exists with other contents. Replace it?", default=True)
+        return ask(f"{shown(path)} exists with other contents. Replace it?", default=True)
 
     return PublicationContext((), confirm=confirm, progress=bars)

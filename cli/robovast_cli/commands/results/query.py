@@ -5,16 +5,18 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from robovast.analysis.tables.query import ask, tables
+from robovast.analysis.tables.stored import StoredTables
+from robovast.base.signals import end_at_ctrl_c
+from robovast.campaign.discovery import find_campaigns
 from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
 from robovast_cli.lazy import examples
-
-if TYPE_CHECKING:
-    from robovast.analysis.tables.stored import StoredTables
+from robovast_cli.ui.rows import print_rows, print_tables
 
 
 @examples(
@@ -53,7 +55,6 @@ def query(
         with opened(bucket, context, namespace) as found:
             _answer([one.tables() for one in found], sql, output)
         return
-    from robovast.campaign.discovery import find_campaigns
 
     _answer(find_campaigns(results_dir or ctx.obj.results), sql, output)
 
@@ -62,10 +63,6 @@ def _answer(
     campaigns: Sequence[Path | StoredTables], sql: str | None, output: AnswerFormat
 ) -> None:
     """Print the tables of campaigns, or the answer of a query."""
-    from robovast.analysis.tables.query import ask, tables
-    from robovast.base.signals import end_at_ctrl_c
-    from robovast_cli.ui.rows import print_rows, print_tables
-
     if sql is None:
         print_tables(tables(campaigns))
         return

@@ -7,8 +7,20 @@ from typing import Annotated
 
 import typer
 
-from robovast_cli.commands.results.options import CampaignName, ResultsDir
+from robovast.base.atomic import write_report
+from robovast.base.errors import InputError
+from robovast.evaluation.campaign_report import make_report
+from robovast_cli.commands.results.options import (
+    CampaignName,
+    ResultsDir,
+    named_campaign,
+    read_campaign,
+)
 from robovast_cli.lazy import examples
+from robovast_cli.ui.campaign_report.html import to_html
+from robovast_cli.ui.campaign_report.markdown import to_markdown
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.progress_line import progress_line
 
 
 @examples(
@@ -49,15 +61,6 @@ def report(
     The HTML file needs no server, contains no script and loads no other file. It is small enough
     for an email. Markdown fits into a pull request.
     """
-    from robovast.base.atomic import write_report
-    from robovast.base.errors import InputError
-    from robovast.evaluation.campaign_report import make_report
-    from robovast_cli.commands.results.options import named_campaign, read_campaign
-    from robovast_cli.ui.campaign_report.html import to_html
-    from robovast_cli.ui.campaign_report.markdown import to_markdown
-    from robovast_cli.ui.output import say
-    from robovast_cli.ui.working import working
-
     forms = {".html": to_html, ".htm": to_html, ".md": to_markdown}
     files = output or [Path("report.html")]
     for file in files:
@@ -66,14 +69,14 @@ def report(
                 f"{file}: a report is HTML or Markdown", hint="use a name that ends in .html or .md"
             )
     results = results_dir or ctx.obj.results
-    with working("Writing the report") as tell:
-        tell("reading runs")
+    with progress_line("Writing the report") as show:
+        show("reading runs")
         index = read_campaign(named_campaign(results, campaign))
         base = None if baseline is None else read_campaign(named_campaign(results, baseline))
-        tell("searching for causes of failures")
+        show("searching for causes of failures")
         found = make_report(index, base)
         texts = {file: forms[file.suffix.lower()](found) for file in files}
     for file, text in texts.items():
         content = text.encode("utf-8", "backslashreplace")
         write_report(file, content)
-        say(f"{file}: {index.name} in {max(1, len(content) // 1000):,} kB")
+        echo(f"{file}: {index.name} in {max(1, len(content) // 1000):,} kB")

@@ -7,11 +7,22 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from robovast_cli.commands.results.options import AnswerFormat, CampaignName, ResultsDir
+from robovast.base.atomic import write_report
+from robovast.base.errors import InputError
+from robovast.base.optional_deps import ANALYSIS
+from robovast.base.yaml_files import parse_yaml
+from robovast.model.document.search.space import Space, choices
+from robovast_cli.commands.results.options import (
+    AnswerFormat,
+    CampaignName,
+    ResultsDir,
+    named_campaign,
+)
 from robovast_cli.lazy import examples
+from robovast_cli.ui.progress_line import progress_line
+from robovast_cli.ui.rows import print_rows
 
 if TYPE_CHECKING:
-    from robovast.model.document.search.space import Space
     from robovast.search.results import StoredSearch
 
 
@@ -74,11 +85,6 @@ def search(
     is the probability of a crossing. `open` lists the ends of the interval that are on the border
     of the search space. At these ends, the critical value may be outside the space.
     """
-    from robovast.base.errors import InputError
-    from robovast_cli.commands.results.options import named_campaign
-    from robovast_cli.ui.rows import print_rows
-    from robovast_cli.ui.working import working
-
     if picture is not None and what not in {"map", "progress"}:
         raise InputError(
             f"--picture requires `map` or `progress`, not `{what}`.",
@@ -92,7 +98,7 @@ def search(
     if at and what != "critical" and not (picture and what == "map"):
         raise InputError(f"--at requires `critical`, or `map` with --picture, not `{what}`.")
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
-    with working(f"Reading {folder.name}") as tell:
+    with progress_line(f"Reading {folder.name}") as show:
         from robovast.search.results import stored_search
 
         stored = stored_search(folder)
@@ -105,7 +111,7 @@ def search(
             "map": stored.map,
             "archive": stored.archive,
         }
-        tell(f"computing `{what}`")
+        show(f"computing `{what}`")
         if picture is not None:
             _draw(stored, picture, None if what == "progress" else (over or []), fixed)
             return
@@ -117,9 +123,6 @@ def _draw(
     stored: StoredSearch, picture: Path, over: list[str] | None, fixed: dict[str, Any]
 ) -> None:
     """Write an image of the map over dimensions, or of the progress."""
-    from robovast.base.atomic import write_report
-    from robovast.base.optional_deps import ANALYSIS
-
     with ANALYSIS.needed_by("Drawing"):
         from robovast.search.pictures import draw_map, draw_progress, encoded
     figure = draw_progress(stored) if over is None else draw_map(stored, over, fixed)
@@ -132,10 +135,6 @@ def _fixed(at: list[str] | None, space: Space) -> dict[str, Any]:
 
 def _pair(text: str, space: Space) -> tuple[str, Any]:
     """Name and value of `name=value`; the value of a choice is found by its text."""
-    from robovast.base.errors import InputError
-    from robovast.base.yaml_files import parse_yaml
-    from robovast.model.document.search.space import choices
-
     name, separator, value = text.partition("=")
     if not separator:
         raise InputError(

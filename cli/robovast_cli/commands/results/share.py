@@ -9,8 +9,11 @@ import typer
 
 from robovast.base.errors import InputError
 from robovast.base.sizes import fmt_size
+from robovast.storage.shares.campaigns import open_share
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import examples
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.table import format_table
 
 
 @examples(
@@ -38,9 +41,6 @@ def list_share(
     in the environment or in a `.env` file in this folder or above. The documentation lists the
     variables on the page "Publish, merge, import and share results".
     """
-    from robovast.storage.shares.campaigns import open_share
-    from robovast_cli.ui.table import format_table
-
     results = results_dir or ctx.obj.results
     with open_share() as share:
         campaigns = share.chosen(campaign or [])
@@ -73,15 +73,12 @@ def remove_from_share(
 
     Local results are kept.
     """
-    from robovast.storage.shares.campaigns import open_share
-    from robovast_cli.ui.output import say
-
     with open_share() as share:
         chosen = share.chosen(campaign)
         for item in chosen:
-            say(f"{item.name}: {fmt_size(item.size)}")
+            echo(f"{item.name}: {fmt_size(item.size)}")
         if chosen and not yes:
             typer.confirm("Delete from the file share?", abort=True)
         for item in chosen:
             share.remove(item)
-            say(f"Deleted {item.name} from the file share.")
+            echo(f"Deleted {item.name} from the file share.")

@@ -19,7 +19,7 @@ from robovast.model.naming import GRAPH
 from robovast_cli.commands.results.buckets import Buckets, Context, Namespace, opened
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say_data
+from robovast_cli.ui.output import echo_data
 from robovast_cli.ui.rows import cell_text, print_rows
 from robovast_cli.ui.table import format_table
 
@@ -78,7 +78,7 @@ def _print_answer(query: str, campaigns: Sequence[Path], output: AnswerFormat) -
     graphs = Graphs(campaigns)
     answer = graphs.ask(text)
     if output == "csv":
-        say_data(answer.csv())
+        echo_data(answer.csv())
     else:
         print_rows(answer.columns, answer, output, _shortener(graphs))
 

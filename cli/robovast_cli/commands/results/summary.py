@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
-from robovast_cli.commands.results.options import ReportFormat, ResultsDir
+from robovast.base.errors import InputError
+from robovast.campaign.failure_groups import failure_groups
+from robovast.campaign.layout import EXECUTION_RECORD, SEARCH
+from robovast.evaluation.campaign_index import summarized
+from robovast.evaluation.effects import effects
+from robovast.evaluation.rates import campaign_rates
+from robovast.evaluation.searches import go_on_words
+from robovast.evaluation.summaries import CampaignSummary, VariantRuns
+from robovast.evaluation.tabled_campaign import read_variants
+from robovast.evaluation.untrusted_data import read_yaml
+from robovast_cli.commands.results.buckets import Bucket, Context, Namespace, opened
+from robovast_cli.commands.results.options import (
+    ReportFormat,
+    ResultsDir,
+    named_campaign,
+    read_campaign,
+)
 from robovast_cli.lazy import examples
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from robovast.evaluation.summaries import CampaignSummary, VariantRuns
+from robovast_cli.ui.summary import Findings, print_summary
+from robovast_cli.workspace import shown
 
 
 @examples(
@@ -62,14 +75,6 @@ def summary(
     The worst configurations are listed first. JSON contains all configurations, causes and
     parameters. --bucket reads only the tables of the campaign, after all runs have finished.
     """
-    from robovast.base.errors import InputError
-    from robovast.campaign.failure_groups import failure_groups
-    from robovast.evaluation.effects import effects
-    from robovast.evaluation.rates import campaign_rates
-    from robovast_cli.commands.results.options import named_campaign, read_campaign
-    from robovast_cli.ui.summary import Findings, print_summary
-    from robovast_cli.workspace import shown
-
     if not 0 < limit < 1:
         raise InputError(
             f"--limit {limit:g}: the rate must be above 0 and below 1",
@@ -104,9 +109,6 @@ def _batches(results: Path | None, summary: CampaignSummary) -> Sequence[str]:
     """Return the arguments that resume a search; empty for any other campaign."""
     if results is None or not summary.is_search:
         return ()
-    from robovast.base.errors import InputError
-    from robovast.evaluation.searches import go_on_words
-
     with suppress(InputError):  # its rates are shown anyway
         return go_on_words(results, summary)
     return ()
@@ -116,12 +118,6 @@ def _in_bucket(
     name: str, context: str | None, namespace: str | None
 ) -> tuple[CampaignSummary, list[VariantRuns]]:
     """Read only the tables of a campaign in a bucket."""
-    from robovast.campaign.layout import EXECUTION_RECORD, SEARCH
-    from robovast.evaluation.campaign_index import summarized
-    from robovast.evaluation.tabled_campaign import read_variants
-    from robovast.evaluation.untrusted_data import read_yaml
-    from robovast_cli.commands.results.buckets import opened
-
     with opened([name], context, namespace) as (place,):
         variants = read_variants(place.tables())
         execution = read_yaml(place.bring(EXECUTION_RECORD), EXECUTION_RECORD)

@@ -14,7 +14,7 @@ from robovast.evaluation.effects import Effect
 from robovast.evaluation.matrix import Cell, Matrix
 from robovast.evaluation.rates import IntervalOf, VariantRate, interval_for
 from robovast_cli.ui import comparison, summary
-from robovast_cli.ui.campaign_report import words
+from robovast_cli.ui.campaign_report import texts
 from robovast_cli.ui.campaign_report.markup import Markup, joined, tag
 from robovast_cli.ui.table import shortened
 
@@ -34,7 +34,7 @@ _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 def to_html(report: CampaignReport) -> str:
     """The report."""
-    title = shortened(report.about.title or report.rates.summary.name, words.LONGEST_TEXT)
+    title = shortened(report.about.title or report.rates.summary.name, texts.LONGEST_TEXT)
     style = files("robovast_cli.ui.campaign_report").joinpath("report.css").read_text("utf-8")
     head = tag(
         "head",
@@ -50,9 +50,9 @@ def to_html(report: CampaignReport) -> str:
 
 def _begin(report: CampaignReport, title: str) -> Iterable[Markup]:
     yield tag("h1", title)
-    yield tag("p", words.facts(report), class_="quiet")
+    yield tag("p", texts.facts(report), class_="quiet")
     if report.about.description:
-        yield tag("p", shortened(report.about.description, words.LONGEST_TEXT))
+        yield tag("p", shortened(report.about.description, texts.LONGEST_TEXT))
 
 
 def _sections(report: CampaignReport) -> Iterable[Markup]:
@@ -67,7 +67,7 @@ def _sections(report: CampaignReport) -> Iterable[Markup]:
     if report.matrix.across.factor:
         yield _section(
             "Unsuccessful runs by factor",
-            tag("p", words.axes_note(report.explained), class_="quiet"),
+            tag("p", texts.axes_note(report.explained), class_="quiet"),
             _matrix(report.matrix, report.units, interval_for(report.rates.summary)),
         )
     bad = [one for one in report.rates.configurations if one.rate.rate]
@@ -106,14 +106,14 @@ def _baseline(baseline: Baseline) -> Markup:
         tag("p", comparison.sentence(found)),
         _table("Changed configurations", comparison.COLUMNS, rows) if rows else Markup(),
         *(tag("p", note, class_="quiet") for note in comparison.notes(found)),
-        *map(_change, baseline.changes[: words.MOST_CHANGES]),
+        *map(_change, baseline.changes[: texts.MOST_CHANGES]),
     )
 
 
 def _change(change: Change) -> Markup:
-    shown = change.lines[: words.MOST_CHANGED_LINES]
+    shown = change.lines[: texts.MOST_CHANGED_LINES]
     left = len(change.lines) - len(shown) + change.more
-    lines = [_diff_line(shortened(line, words.WIDEST_LINE)) for line in shown]
+    lines = [_diff_line(shortened(line, texts.WIDEST_LINE)) for line in shown]
     if left:
         lines.append(tag("span", f"… and {left} more lines", class_="quiet"))
     return joined(
@@ -128,12 +128,12 @@ def _diff_line(line: str) -> Markup:
 
 
 def _causes(report: CampaignReport) -> Markup:
-    shown = report.causes[: words.MOST_CAUSES]
+    shown = report.causes[: texts.MOST_CAUSES]
     most = len(shown[0].runs)
     rows = [
         [
             _bar(len(group.runs) / most, f"{len(group.runs):,}"),
-            shortened(group.text, words.LONGEST_TEXT),
+            shortened(group.text, texts.LONGEST_TEXT),
             ", ".join(group.verdicts),
             group.runs[0],
         ]
@@ -156,7 +156,7 @@ def _effects(effects: Sequence[Effect]) -> Markup:
 
 
 def _matrix(found: Matrix, units: dict[str, str], interval_of: IntervalOf) -> Markup:
-    across, down = (words.titled(axis.factor, units) for axis in (found.across, found.down))
+    across, down = (texts.titled(axis.factor, units) for axis in (found.across, found.down))
     corner = tag("td", f"{down} ↓ " if down else None, f"{across} →", class_="corner")
     labels = [tag("th", _label(label), scope="col") for label in found.across.labels]
     rows = (
@@ -178,7 +178,7 @@ def _matrix(found: Matrix, units: dict[str, str], interval_of: IntervalOf) -> Ma
 
 
 def _label(label: str) -> str:
-    return shortened(label, words.WIDEST) or "all"
+    return shortened(label, texts.WIDEST) or "all"
 
 
 def _cell(cell: Cell, interval_of: IntervalOf) -> Markup:
@@ -197,7 +197,7 @@ def _cell(cell: Cell, interval_of: IntervalOf) -> Markup:
 
 
 def _configurations(bad: Sequence[VariantRate]) -> Iterable[Markup]:
-    columns, *rows = words.configuration_table(bad)
+    columns, *rows = texts.configuration_table(bad)
     yield _table("Configurations", columns, rows)
     if len(bad) > len(rows):
         left = f"… and {len(bad) - len(rows):,} more with unsuccessful runs"
@@ -206,17 +206,17 @@ def _configurations(bad: Sequence[VariantRate]) -> Iterable[Markup]:
 
 def _worst(worst: Worst) -> Markup:
     listed = (
-        tag("div", tag("dt", name), tag("dd", text)) for name, text in words.values(worst).items()
+        tag("div", tag("dt", name), tag("dd", text)) for name, text in texts.values(worst).items()
     )
     lines = (
         tag("span", f"{text}\n", class_="bad" if line and line.level in BAD else "")
-        for line, text in words.log_lines(worst)
+        for line, text in texts.log_lines(worst)
     )
     path = worst.ending.path if worst.ending else ""
     return tag(
         "article",
         tag("h3", worst.variant.name),
-        tag("p", words.run_facts(worst)),
+        tag("p", texts.run_facts(worst)),
         tag("dl", *listed) if worst.variant.factors else None,
         _picture(worst),
         tag("p", f"End of {path}", class_="quiet") if path else None,
@@ -227,7 +227,7 @@ def _worst(worst: Worst) -> Markup:
 def _picture(worst: Worst) -> Markup | None:
     if not worst.picture:
         return tag("p", worst.missing, class_="quiet") if worst.missing else None
-    key = f"{words.MAP_KEY}; {worst.missing or words.WAY_KEY}"
+    key = f"{texts.MAP_KEY}; {worst.missing or texts.WAY_KEY}"
     note = f"{worst.variant.name}, run {worst.run.number}; {key}"
     return tag("figure", Markup(worst.picture), tag("figcaption", note, class_="quiet"))
 

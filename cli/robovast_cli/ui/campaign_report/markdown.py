@@ -10,7 +10,7 @@ from robovast.evaluation.effects import Effect
 from robovast.evaluation.matrix import Matrix
 from robovast.evaluation.rates import VariantRate
 from robovast_cli.ui import comparison, summary
-from robovast_cli.ui.campaign_report import words
+from robovast_cli.ui.campaign_report import texts
 from robovast_cli.ui.markdown import (
     code,
     code_block,
@@ -23,11 +23,11 @@ from robovast_cli.ui.table import shortened
 
 def to_markdown(report: CampaignReport) -> str:
     """The report; below 65,536 characters, the most that GitHub takes."""
-    title = shortened(report.about.title or report.rates.summary.name, words.LONGEST_TEXT)
+    title = shortened(report.about.title or report.rates.summary.name, texts.LONGEST_TEXT)
     lines = [
         f"## {escaped(title)}",
         "",
-        code(words.facts(report)),
+        code(texts.facts(report)),
         "",
         *(f"- {line}" for line in summary.counts_text(report.rates).splitlines()),
         *_baseline(report.baseline),
@@ -52,14 +52,14 @@ def _baseline(baseline: Baseline | None) -> Iterator[str]:
         yield from markdown_table(comparison.COLUMNS, map(comparison.difference_row, shown))
         yield ""
     yield from comparison.notes(found)
-    for change in baseline.changes[: words.MOST_CHANGES]:
+    for change in baseline.changes[: texts.MOST_CHANGES]:
         yield from _change(change)
 
 
 def _change(change: Change) -> Iterator[str]:
     yield from ("", f"<details><summary>{code(change.name)} {change.kind}</summary>", "")
-    lines = change.lines[: words.MOST_CHANGED_LINES]
-    yield from code_block((shortened(line, words.WIDEST) for line in lines), "diff")
+    lines = change.lines[: texts.MOST_CHANGED_LINES]
+    yield from code_block((shortened(line, texts.WIDEST) for line in lines), "diff")
     yield from ("", "</details>")
 
 
@@ -67,13 +67,13 @@ def _causes(report: CampaignReport) -> Iterator[str]:
     if not report.causes:
         return
     yield from ("", "### Causes of unsuccessful runs", "")
-    shown = report.causes[: words.MOST_CAUSES]
+    shown = report.causes[: texts.MOST_CAUSES]
     yield from table_of_markup(
         summary.CAUSE_COLUMNS,
         (
             [
                 str(len(group.runs)),
-                code(shortened(group.text, words.WIDEST_LINE)),
+                code(shortened(group.text, texts.WIDEST_LINE)),
                 ", ".join(group.verdicts),
                 code(group.runs[0]),
             ]
@@ -99,13 +99,13 @@ def _matrix(report: CampaignReport) -> Iterator[str]:
         "",
         "### Unsuccessful runs by factor",
         "",
-        escaped(words.axes_note(report.explained)),
+        escaped(texts.axes_note(report.explained)),
         "",
     )
-    across, down = (words.titled(axis.factor, report.units) for axis in (found.across, found.down))
-    labels = [shortened(label, words.WIDEST) for label in found.across.labels]
+    across, down = (texts.titled(axis.factor, report.units) for axis in (found.across, found.down))
+    labels = [shortened(label, texts.WIDEST) for label in found.across.labels]
     rows = (
-        [shortened(label, words.WIDEST), *map(words.cell_text, row)]
+        [shortened(label, texts.WIDEST), *map(texts.cell_text, row)]
         for label, row in zip(found.down.labels, found.cells, strict=True)
     )
     yield from markdown_table([f"{down} ↓ {across} →".strip(), *labels], rows)
@@ -116,7 +116,7 @@ def _configurations(configurations: list[VariantRate]) -> Iterator[str]:
     if not bad:
         return
     yield from ("", "### Worst configurations", "")
-    columns, *rows = words.configuration_table(bad)
+    columns, *rows = texts.configuration_table(bad)
     yield from markdown_table(columns, rows)
     if len(bad) > len(rows):
         yield from ("", f"… and {len(bad) - len(rows):,} more with unsuccessful runs")
@@ -124,9 +124,9 @@ def _configurations(configurations: list[VariantRate]) -> Iterator[str]:
 
 def _worst(worst: Worst) -> Iterator[str]:
     yield from ("", f"<details><summary>{code(worst.variant.name)}: end of a run</summary>", "")
-    named = ", ".join(f"{code(name)} {escaped(text)}" for name, text in words.values(worst).items())
-    yield from (named, "", escaped(words.run_facts(worst)), "")
-    lines = words.log_lines(worst)
+    named = ", ".join(f"{code(name)} {escaped(text)}" for name, text in texts.values(worst).items())
+    yield from (named, "", escaped(texts.run_facts(worst)), "")
+    lines = texts.log_lines(worst)
     if lines:
         yield from code_block(text for _, text in lines)
     yield from ("", "</details>")

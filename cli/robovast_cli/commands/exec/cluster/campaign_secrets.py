@@ -18,7 +18,7 @@ from robovast.kubeapi.secret_names import SECRET_PREFIX
 from robovast.kubeapi.share_job import share_variables
 from robovast.storage.shares.campaigns import SHARE_TYPE, open_share
 from robovast_cli.kube.api import Json, Kubernetes
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 TOPIC = "ROBOVAST_NTFY_TOPIC"
 SERVER = "ROBOVAST_NTFY_SERVER"
@@ -55,11 +55,11 @@ class CampaignSecrets:
             kube, campaign, _NOTIFY, self.notify, "No notifications will be sent"
         ):
             kinds = [kind for kind in ("ntfy", "webhook") if f"{kind}-url" in self.notify]
-            say(f"Notifications by {' and '.join(kinds)}: start, each hour, end and problems.")
+            echo(f"Notifications by {' and '.join(kinds)}: start, each hour, end and problems.")
         without = "The results will not be uploaded to the file share"
         if self.share and _create_secret(kube, campaign, _SHARE, self.share, without):
             kind = self.share[SHARE_TYPE]
-            say(f"Its results are uploaded to the file share `{kind}` at the end.")
+            echo(f"Its results are uploaded to the file share `{kind}` at the end.")
 
     def _notifications(self, secret: str) -> list[Json]:
         def key(name: str) -> SecretKey | None:
@@ -157,6 +157,6 @@ def _create_secret(
     try:
         kube.create_secret(secret)
     except RobovastError as error:
-        say(f"{without}: {error}")
+        echo(f"{without}: {error}")
         return False
     return True

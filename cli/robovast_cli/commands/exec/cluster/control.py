@@ -12,7 +12,7 @@ from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.options import CampaignName, Context, Namespace
 from robovast_cli.kube.status import CampaignState, campaign_states, find_campaign
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import counted
 
 
@@ -30,8 +30,8 @@ def stop(
     with connect(context, namespace) as kube:
         chosen = _select(kube, campaign, _is_running, "that is running")
         kube.patch_campaign(chosen.name, {"suspend": True})
-    say(f"{chosen.name}: stopping pods. Runs in progress are lost; stored runs are kept.")
-    say(f"Resume:   vast exec cluster resume -i {chosen.name}{kube.given}")
+    echo(f"{chosen.name}: stopping pods. Runs in progress are lost; stored runs are kept.")
+    echo(f"Resume:   vast exec cluster resume -i {chosen.name}{kube.given}")
 
 
 @examples(
@@ -62,7 +62,7 @@ def resume(
             _refuse_fewer(chosen, batches)
             end = {"budget": [{"batches": batches}], "stopping": []}
             kube.patch_campaign(chosen.name, {"suspend": False, "vast": {"search": end}})
-    say(f"{chosen.name}: resumed.")
+    echo(f"{chosen.name}: resumed.")
 
 
 @examples(
@@ -78,7 +78,7 @@ def retry(
         kube.patch_campaign(chosen.name, {"attempt": chosen.attempt + 1})
     runs = chosen.status.runs
     bad = runs.failed + runs.errored
-    say(f"{chosen.name}: retrying {counted(bad, 'run')}.")
+    echo(f"{chosen.name}: retrying {counted(bad, 'run')}.")
 
 
 def _is_search(campaign: CampaignState) -> bool:

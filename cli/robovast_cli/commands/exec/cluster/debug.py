@@ -9,7 +9,7 @@ from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL
 from robovast_cli.commands.exec.cluster.logs import RunNames, open_runs, parse_names
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 
 @examples(
@@ -41,9 +41,9 @@ def debug(names: RunNames = None, context: Context = None, namespace: Namespace 
         kubectl = "kubectl" + (f" --context {kube.context}" if kube.context else "")
         kubectl += f" --namespace {kube.namespace}"
     inside = "source /config/.robovast/environment.sh && cd /out && bash /config/entrypoint.sh"
-    say(f"{run} runs again in the pod {pod}, which stores no results. After the run, the pod")
-    say(f"remains for at most {HOURS} h. The output of the run is in /out.")
-    say(f"log:    {kubectl} logs --follow {pod} --container {RUN}")
-    say(f"enter:  {kubectl} exec --stdin --tty {pod} --container {RUN} -- bash")
-    say(f"again:  {inside}  (in there)")
-    say(f"delete: {kubectl} delete pod {pod}")
+    echo(f"{run} runs again in the pod {pod}, which stores no results. After the run, the pod")
+    echo(f"remains for at most {HOURS} h. The output of the run is in /out.")
+    echo(f"log:    {kubectl} logs --follow {pod} --container {RUN}")
+    echo(f"enter:  {kubectl} exec --stdin --tty {pod} --container {RUN} -- bash")
+    echo(f"again:  {inside}  (in there)")
+    echo(f"delete: {kubectl} delete pod {pod}")

@@ -16,7 +16,7 @@ from robovast_cli.kube.options import CampaignName, Context, Namespace, SetupOpt
 from robovast_cli.kube.status import CampaignState, campaign_states, find_campaign
 from robovast_cli.kube.store import open_store, place_of
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 PATIENCE = 120.0
 """Time limit for the end of a campaign's pods [s]."""
@@ -71,12 +71,12 @@ def download_cleanup(
                 hint="run `vast exec cluster monitor` to see its progress",
             )
         for one in found:
-            say(f"{one.name}: bucket {one.bucket}")
+            echo(f"{one.name}: bucket {one.bucket}")
         if found and not yes:
             typer.confirm("Delete these results from the object storage?", abort=True)
         for one in found:
             _delete_bucket(kube, one)
-        say(f"Deleted: {len(found)}.")
+        echo(f"Deleted: {len(found)}.")
 
 
 def delete_finished(kube: Kubernetes, *, data: bool = False) -> None:
@@ -85,7 +85,7 @@ def delete_finished(kube: Kubernetes, *, data: bool = False) -> None:
     _delete([campaign for campaign in campaigns if campaign.finished], kube, data=data)
     for campaign in campaigns:
         if not campaign.finished:
-            say(
+            echo(
                 f"{campaign.name}: still running. To delete it: vast exec cluster run-cleanup -i "
                 f"{campaign.name}{kube.given}"
             )
@@ -102,7 +102,7 @@ def _delete(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool)
         known = "its results" if campaign.status.bucket else "its results, if any,"
         kept = f"; {known} remain in the bucket {campaign.bucket}" if campaign.bucket else ""
         kept = "" if data else kept
-        say(f"{campaign.name}: deleted{kept}.")
+        echo(f"{campaign.name}: deleted{kept}.")
 
 
 def _delete_bucket(kube: Kubernetes, campaign: CampaignState) -> None:

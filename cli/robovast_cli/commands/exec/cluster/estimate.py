@@ -16,7 +16,7 @@ from robovast.model.expansion import compose, select_any
 from robovast_cli.kube.api import connect
 from robovast_cli.kube.status import CampaignState, campaign_states, now
 from robovast_cli.ui.live_view import clock_time
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 
 def print_estimate(
@@ -40,19 +40,19 @@ def print_estimate(
     earlier = list(_like(document, known))
     workers = options.parallelism or _default_parallelism()
     found = forecast(earlier, runs, workers)
-    say(f"{runs:,} runs, at most {min(runs, workers):,} in parallel.")
+    echo(f"{runs:,} runs, at most {min(runs, workers):,} in parallel.")
     if found is None:
-        say(
+        echo(
             f"No estimate: no campaign of {document_name(document)} has finished in this namespace."
         )
         return
-    say(
+    echo(
         f"Estimated duration: {clock_time(found.seconds)} (90 % interval {clock_time(found.least)} "
         f"to {clock_time(found.most)}), based on {_campaigns(len(earlier))}. If started now, the "
         f"campaign completes at about {_moment(found.seconds)}."
     )
     if cores:
-        say(_cost(found, cores * min(runs, workers)))
+        echo(_cost(found, cores * min(runs, workers)))
 
 
 def _runs_of(document: Document, options: SubmitOptions) -> int:

@@ -28,8 +28,8 @@ from robovast_cli.kube.runs import CampaignRuns, Executor
 from robovast_cli.kube.status import CampaignState, campaign_states, lookup, some_names
 from robovast_cli.kube.store import place_of
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say_data
-from robovast_cli.ui.report import tell
+from robovast_cli.ui.output import echo_data
+from robovast_cli.ui.report import echo_stderr
 
 INTERVAL = 2.0
 """Time between two looks at a run that waits [s]."""
@@ -182,7 +182,7 @@ class RunLog:
                 return
             reason = self._waiting(executor)
             if reason != told:
-                tell(f"{self._run} is pending: {reason.rstrip('.')}.")
+                echo_stderr(f"{self._run} is pending: {reason.rstrip('.')}.")
                 told = reason
             if not self._options.follow:
                 return
@@ -241,7 +241,9 @@ class RunLog:
     def _whole(self, lines: Sequence[str], runs: int) -> Sequence[str]:
         """All lines of a job's log, with a note if other runs are in it."""
         if runs > 1:
-            tell(f"{self._run}: the log is from a job with {runs} runs and cannot be divided.")
+            echo_stderr(
+                f"{self._run}: the log is from a job with {runs} runs and cannot be divided."
+            )
         return lines
 
     def _waiting(self, executor: Executor | None) -> str:
@@ -270,5 +272,5 @@ class RunLog:
 
 def _print(lines: Iterable[str]) -> None:
     for line in lines:
-        say_data(f"{line}\n")
+        echo_data(f"{line}\n")
         sys.stdout.flush()

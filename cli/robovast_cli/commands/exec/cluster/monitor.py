@@ -15,7 +15,7 @@ from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.status import CampaignState, campaign_states
 from robovast_cli.lazy import examples
 from robovast_cli.ui.cluster_view import follow_view, table
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 
 @examples(
@@ -40,7 +40,7 @@ def monitor(
         if once:
             known = campaign_states(kube)
             none = f"No campaigns in the namespace {kube.namespace}."
-            say(table(known).rstrip() if known else none)
+            echo(table(known).rstrip() if known else none)
             return
         try:
             with follow_view() as view:
@@ -49,7 +49,7 @@ def monitor(
         except KeyboardInterrupt:
             return
         if not shown:
-            say(f"No campaign is running in the namespace {kube.namespace}. `--once` shows all.")
+            echo(f"No campaign is running in the namespace {kube.namespace}. `--once` shows all.")
 
 
 def _observe(kube: Kubernetes, interval: float) -> Iterator[Sequence[CampaignState]]:

@@ -16,7 +16,7 @@ from robovast_cli.commands.exec.cluster.run import Image
 from robovast_cli.commands.exec.local import Debug, LogTree, Runs, Select
 from robovast_cli.kube.options import Context, Namespace, SetupOptions, setup_config
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 FILE = "campaign.yaml"
 
@@ -75,4 +75,4 @@ def prepare_run(
             (out / key).write_bytes(submission.archive.content)
             text += _UPLOAD.format(key=key, bucket=BUNDLES_BUCKET)
         (out / "README.md").write_text(text, encoding="utf-8")
-    say(f"Next: follow {out / 'README.md'}.")
+    echo(f"Next: follow {out / 'README.md'}.")

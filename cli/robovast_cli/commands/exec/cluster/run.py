@@ -27,8 +27,8 @@ from robovast_cli.kube.status import CampaignState, campaign_states
 from robovast_cli.kube.store import installed_place, open_store
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.cluster_view import follow_view
-from robovast_cli.ui.output import say
-from robovast_cli.ui.report import in_form, tell
+from robovast_cli.ui.output import echo
+from robovast_cli.ui.report import echo_stderr, in_form
 
 INTERVAL = 1.0
 """Time between two looks at a campaign [s]."""
@@ -154,7 +154,7 @@ def run(
         if cleanup:
             delete_finished(kube)
         campaign = _submit(kube, submission, secrets)
-        say(f"Campaign {campaign.name} was created in the namespace {kube.namespace}.")
+        echo(f"Campaign {campaign.name} was created in the namespace {kube.namespace}.")
         secrets.create(kube, campaign.resource)
         if detach:
             _print_next_commands(kube, campaign)
@@ -195,7 +195,7 @@ def _delete_if_created(kube: Kubernetes, name: str) -> None:
     except NotFoundError:
         return
     except RobovastError as error:
-        say(
+        echo(
             f"The campaign {name} may still exist in the namespace {kube.namespace}: {error} "
             f"Check with `vast exec cluster monitor --once{kube.given}`."
         )
@@ -219,24 +219,24 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
                 time.sleep(INTERVAL)
                 state = _next_state(kube, state)
     except KeyboardInterrupt:
-        say(f"\nDisplay stopped. The campaign {campaign.name} continues in the cluster.")
+        echo(f"\nDisplay stopped. The campaign {campaign.name} continues in the cluster.")
         _print_next_commands(kube, campaign)
         return ExitCode.INTERRUPTED
     if state is None:
         place = f"the cluster (namespace {kube.namespace})"
-        tell(in_form(f"{campaign.name} was deleted from {place}"))
+        echo_stderr(in_form(f"{campaign.name} was deleted from {place}"))
         return ExitCode.CANNOT_RUN
     for line in state.summary():
-        say(line)
-    say(f"Results: {_download(kube, campaign)}")
+        echo(line)
+    echo(f"Results: {_download(kube, campaign)}")
     return state.exit_code
 
 
 def _print_next_commands(kube: Kubernetes, campaign: CampaignState) -> None:
     """Print commands for a running campaign."""
-    say(f"Watch:    vast exec cluster monitor{kube.given}")
-    say(f"Stop:     vast exec cluster stop -i {campaign.name}{kube.given}")
-    say(f"Results:  {_download(kube, campaign)}")
+    echo(f"Watch:    vast exec cluster monitor{kube.given}")
+    echo(f"Stop:     vast exec cluster stop -i {campaign.name}{kube.given}")
+    echo(f"Results:  {_download(kube, campaign)}")
 
 
 def _download(kube: Kubernetes, campaign: CampaignState) -> str:
@@ -255,7 +255,7 @@ def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState | None:
 def _upload(kube: Kubernetes, submission: Submission) -> None:
     archive = submission.archive
     assert archive is not None  # noqa: S101  # the caller looked
-    say(f"Uploading the files of the .vast file ({len(archive.content) / 1e6:.1f} MB) …")
+    echo(f"Uploading the files of the .vast file ({len(archive.content) / 1e6:.1f} MB) …")
     known = campaign_states(kube)
     with open_store(kube, installed_place(kube, known)) as store:
         store.make_bucket(BUNDLES_BUCKET)

@@ -18,7 +18,7 @@ from robovast_cli.kube.runs import CampaignRuns, Executor
 from robovast_cli.kube.status import now
 from robovast_cli.lazy import examples
 from robovast_cli.ui.live_view import clock_time
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import format_table
 
 COLUMNS = ["RUN", "STATE", "TIME", "POD", "NODE", "WHY"]
@@ -53,13 +53,13 @@ def runs(
         if rows:
             sys.stdout.write(format_table(COLUMNS, rows))
         elif failed:
-            say("No unsuccessful runs.")
+            echo("No unsuccessful runs.")
         else:
-            say("No running and no unsuccessful runs.")
+            echo("No running and no unsuccessful runs.")
         if found.campaign is not None:
-            say(f"{found.campaign.name}: {found.campaign.counts()}.")
+            echo(f"{found.campaign.name}: {found.campaign.counts()}.")
             for message in () if rows else found.campaign.messages:
-                say(f"    {message}")
+                echo(f"    {message}")
 
 
 def _running(found: CampaignRuns) -> Iterator[list[str]]:

@@ -23,7 +23,7 @@ from robovast_cli.kube.api_errors import NotInstalledError
 from robovast_cli.kube.options import Context, Namespace, SetupOptions, setup_config
 from robovast_cli.kube.status import campaign_states
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import format_table
 
 GROUP = "robovast.cluster_configs"
@@ -48,7 +48,7 @@ def _list_configs() -> None:
     for name in sorted(plugins_of(GROUP)):
         doc = (load_plugin(name, GROUP, ".").__doc__ or "").strip()
         rows.append([name, doc.partition("\n")[0]])
-    say(format_table(["CLUSTER CONFIG", "FOR"], rows).rstrip())
+    echo(format_table(["CLUSTER CONFIG", "FOR"], rows).rstrip())
 
 
 @examples(
@@ -88,10 +88,10 @@ def setup(
         helm = Helm(kube.namespace, kube.context)
         _refuse_other(helm.installed(), cluster_config, force=force)
         config.setup_cluster(namespace=kube.namespace, kube_context=kube.context, **given)
-        say(f"Installing RoboVAST in the namespace {kube.namespace} …")
+        echo(f"Installing RoboVAST in the namespace {kube.namespace} …")
         helm.install(_merge(_values(config, kube), changes), _BY + cluster_config)
         config.verify_cluster_ready(namespace=kube.namespace, kube_context=kube.context)
-    say("RoboVAST is ready. Run a campaign: vast exec cluster run")
+    echo("RoboVAST is ready. Run a campaign: vast exec cluster run")
 
 
 @examples(
@@ -125,7 +125,7 @@ def cleanup(
         if description.startswith(_BY):
             config, _, _ = _load_config(description.removeprefix(_BY), None)
             config.cleanup_cluster(namespace=kube.namespace, kube_context=kube.context)
-    say(
+    echo(
         "RoboVAST was deleted. Campaigns and CRDs are kept. To delete them, run `kubectl delete "
         "crd campaigns.robovast.io configurations.robovast.io`."
     )
@@ -163,7 +163,7 @@ def prepare_setup(
         (out / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
         config.prepare_setup_cluster(str(out), namespace=namespace, **given)
         (out / "README.md").write_text(_readme(cluster_config, config, namespace), encoding="utf-8")
-    say(f"Next: follow {out / 'README.md'}.")
+    echo(f"Next: follow {out / 'README.md'}.")
 
 
 def _load_config(

@@ -22,7 +22,7 @@ from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.results import Results, named_results, results_of
 from robovast_cli.kube.status import CampaignState, campaign_states, lookup
 from robovast_cli.lazy import examples
-from robovast_cli.ui.output import say
+from robovast_cli.ui.output import echo
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def upload_to_share(
                 for results in _select_results(kube, known, campaign or ()):
                     uploads.upload(_rename_duplicate(results, known))
             except KeyboardInterrupt:
-                say("\nDisplay stopped. A started upload continues in the cluster.")
+                echo("\nDisplay stopped. A started upload continues in the cluster.")
                 return ExitCode.INTERRUPTED
     if uploads.errors:
         raise type(uploads.errors[0])("\n".join(map(str, uploads.errors)))
@@ -111,7 +111,7 @@ class _Uploads:
         """Upload results, unless they are on the share."""
         name = results.name
         if not self._options.force and self._is_uploaded(name):
-            say(f"{name}: exists on the file share; `--force` replaces it.")
+            echo(f"{name}: exists on the file share; `--force` replaces it.")
             return
         try:
             self._upload(results)
@@ -131,11 +131,11 @@ class _Uploads:
             scheduling=owner.scheduling if owner else Scheduling(),
         )
         if not start(kube, upload, self._variables):
-            say(f"{name}: another upload is in progress.")
+            echo(f"{name}: another upload is in progress.")
         if self._options.detach:
-            say(f"{name}: upload started. Log: {log_command(kube, upload.job)}")
+            echo(f"{name}: upload started. Log: {log_command(kube, upload.job)}")
             return
-        follow(kube, upload.job, name, lambda line: say(f"{name}: {line}"))
+        follow(kube, upload.job, name, lambda line: echo(f"{name}: {line}"))
         with suppress(CannotRunError):  # without permission, Kubernetes deletes it later
             kube.delete_job(upload.job)
 
@@ -143,7 +143,7 @@ class _Uploads:
         try:
             return self._share.has(name)
         except RobovastError as error:
-            say(f"{name}: cannot check the file share, so the campaign is uploaded. {error}")
+            echo(f"{name}: cannot check the file share, so the campaign is uploaded. {error}")
             return False
 
 
@@ -167,7 +167,7 @@ def _select_results(
     stored = [campaign for campaign in known if campaign.finished and campaign.bucket]
     for campaign in known:
         if not campaign.finished:
-            say(f"{campaign.name}: skipped, because it is not finished.")
+            echo(f"{campaign.name}: skipped, because it is not finished.")
     if not stored:
         raise InputError(
             f"no campaign in the namespace {kube.namespace} is finished and has results",

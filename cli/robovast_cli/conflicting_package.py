@@ -1,4 +1,4 @@
-"""Recognizes the other project with the package `robovast`, which overwrites files of this one."""
+"""Detect the package `robovast` of another project, which overwrites files of RoboVAST."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 _BEGINNING, _END = "robovast-", ".dist-info"
 
 
-def warning(site: Path | None = None) -> str | None:
+def conflict_warning(site: Path | None = None) -> str | None:
     """Return a warning with the remedy if the other project is installed, None otherwise.
 
     Args:
-        site: the folder of installed packages; that of the running Python when omitted.
+        site: folder of installed packages (default: the folder of the running Python).
     """
     try:
         names = os.listdir(site or sysconfig.get_path("purelib"))

@@ -22,7 +22,7 @@ Tell = Callable[[str], None]
 
 
 @contextmanager
-def working(what: str) -> Iterator[Tell]:
+def progress_line(what: str) -> Iterator[Tell]:
     """Show the current work and its duration on a terminal; the line disappears at the end.
 
     Args:
@@ -37,12 +37,12 @@ def working(what: str) -> Iterator[Tell]:
     if sys.stderr.isatty():
         thread.start()
 
-    def tell(text: str) -> None:
+    def show(text: str) -> None:
         _log.info("%s", text)
         news[0] = text
 
     try:
-        yield tell
+        yield show
     finally:
         done.set()
         if thread.is_alive():
