@@ -49,6 +49,14 @@ def test_each_page_is_in_the_table_of_contents() -> None:
     assert listed == {p.relative_to(docs).with_suffix("").as_posix() for p in docs.rglob("*.md")}
 
 
+def test_the_start_page_links_each_page_also_where_no_table_of_contents_is_shown() -> None:
+    text = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```\{toctree\}\n(.*?)```", text, re.DOTALL)
+    names = [line for block in blocks for line in block.splitlines() if line[:1] not in ("", ":")]
+    listed = LINK.findall(FENCED.sub("", text).partition("## All pages")[2])
+    assert listed == [f"{name}.md" for name in names]
+
+
 def test_each_old_page_leads_to_a_page() -> None:
     redirects = runpy.run_path(str(ROOT / "docs/conf.py"))["redirects"]
     for old, new in redirects.items():
