@@ -18,39 +18,22 @@ from robovast_cli.ui.usage import UsageError, explain_usage_errors, normalize_pa
 from robovast_cli.workspace import Workspace, set_log_level
 
 COMMANDS: Mapping[str, Lazy] = {
-    "init": Lazy(
-        "init",
-        "Create a project file that names the .vast file.",
-    ),
+    "init": Lazy("init", "Create a project file that names the .vast file."),
     "config": Lazy(
-        "config.app:app",
-        "List, generate and check configurations.",
-        aliases=("configuration",),
+        "config.app:app", "List, generate and check configurations.", aliases=("configuration",)
     ),
     "exec": Lazy("exec.app:app", "Run campaigns.", aliases=("execution",)),
     "replay": Lazy("replay", "Run a stored run again and compare the results."),
-    "minimise": Lazy(
-        "minimise",
-        "Reduce the parameters of a failed run.",
-    ),
-    "results": Lazy(
-        "results.app:app",
-        "Download, process, analyze and share results.",
-    ),
+    "minimise": Lazy("minimise", "Reduce the parameters of a failed run."),
+    "results": Lazy("results.app:app", "Download, process, analyze and share results."),
     "evaluation": Lazy(
-        "evaluation.app:app",
-        "Browse results in the web UI and in notebooks.",
-        aliases=("eval",),
+        "evaluation.app:app", "Browse results in the web UI and in notebooks.", aliases=("eval",)
     ),
     "view": Lazy("view", "Play back the recording of a run."),
     "mcp": Lazy("mcp", "Start an MCP server for AI assistants."),
-    "import-results": Lazy(
-        "results.import_results",
-        "Import a campaign from an archive.",
-    ),
+    "import-results": Lazy("results.import_results", "Import a campaign from an archive."),
     "install-completion": Lazy(
-        "completion:install_completion",
-        "Install command completion for your shell.",
+        "completion:install_completion", "Install command completion for your shell."
     ),
 }
 """Commands and groups of `vast`; another command needs one line here and a module."""
@@ -128,7 +111,6 @@ def vast(
             "--log-level",
             case_sensitive=False,
             help="Verbosity on stderr (default: from the project, else warning).",
-            show_default=False,
         ),
     ] = None,
     vast_file: Annotated[
@@ -138,7 +120,6 @@ def vast(
             "--vast-file",
             metavar="PATH",
             help="The .vast file (default: from the project, else the only *.vast here).",
-            show_default=False,
         ),
     ] = None,
     version: Annotated[

@@ -24,8 +24,7 @@ Shell = Literal["bash", "zsh", "fish"]
 )
 def install_completion(
     shell: Annotated[
-        Shell | None,
-        typer.Argument(help="Shell: bash, zsh or fish (default: from $SHELL).", show_default=False),
+        Shell | None, typer.Argument(help="Shell: bash, zsh or fish (default: from $SHELL).")
     ] = None,
 ) -> None:
     """Install command completion for your shell.

@@ -28,7 +28,6 @@ def init(
             "--project-log-level",
             case_sensitive=False,
             help="Log level of all commands in this project (default: warning).",
-            show_default=False,
         ),
     ] = None,
     force: Annotated[

@@ -58,8 +58,7 @@ def minimise(
         ),
     ] = 200,
     good: Annotated[
-        float,
-        typer.Option(metavar="RATE", help="Highest failure rate of a passing step."),
+        float, typer.Option(metavar="RATE", help="Highest failure rate of a passing step.")
     ] = 0.1,
     bad: Annotated[
         float, typer.Option(metavar="RATE", help="Lowest failure rate of a failing step.")
@@ -70,7 +69,6 @@ def minimise(
         typer.Option(
             metavar="PATH",
             help="Campaign folder of an interrupted `vast minimise` of this run, to resume.",
-            show_default=False,
         ),
     ] = None,
     runtime: Runtime = "same",

@@ -36,11 +36,7 @@ Runtime = Annotated[
 ]
 Image = Annotated[
     str | None,
-    typer.Option(
-        "--image",
-        help="Container image (default: the image of the stored run).",
-        show_default=False,
-    ),
+    typer.Option("--image", help="Container image (default: the image of the stored run)."),
 ]
 Out = Annotated[
     Path,
@@ -82,14 +78,12 @@ def replay(
             metavar="GLOB",
             help="Output to compare (default: `execution.compare`, else all CSV files) "
             "(repeatable).",
-            show_default=False,
         ),
     ] = None,
     runtime: Runtime = "same",
     image: Image = None,
     jobs: Annotated[
-        int,
-        typer.Option("-j", "--jobs", min=1, help="Number of re-runs in parallel."),
+        int, typer.Option("-j", "--jobs", min=1, help="Number of re-runs in parallel.")
     ] = 1,
     context: Context = None,
     namespace: Namespace = None,

@@ -31,8 +31,7 @@ def view(
         ),
     ],
     rerun: Annotated[
-        bool,
-        typer.Option("--rerun", help="Show the recording in Rerun (extra `rerun`)."),
+        bool, typer.Option("--rerun", help="Show the recording in Rerun (extra `rerun`).")
     ] = False,
     foxglove: Annotated[
         bool,

@@ -22,7 +22,6 @@ Context = Annotated[
         "--context",
         metavar="NAME",
         help="Context of the kubeconfig (default: the current context).",
-        show_default=False,
     ),
 ]
 Namespace = Annotated[
@@ -32,7 +31,6 @@ Namespace = Annotated[
         "--namespace",
         metavar="NAME",
         help="Namespace (default: from the context, else `default`).",
-        show_default=False,
     ),
 ]
 CampaignName = Annotated[
@@ -42,7 +40,6 @@ CampaignName = Annotated[
         "--campaign",
         metavar="NAME",
         help="Campaign, by its name or the name of its results folder.",
-        show_default=False,
     ),
 ]
 

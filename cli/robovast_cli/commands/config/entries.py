@@ -52,8 +52,7 @@ def export_configs(
         typer.Option("-o", "--output", metavar="FILE", help="Output file (default: stdout)."),
     ] = None,
     source: Annotated[
-        Path | None,
-        typer.Option("--input", metavar="VAST_FILE", help="Same as `vast -V`.", show_default=False),
+        Path | None, typer.Option("--input", metavar="VAST_FILE", help="Same as `vast -V`.")
     ] = None,
 ) -> None:
     """Export configurations with fixed parameters.

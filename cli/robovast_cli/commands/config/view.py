@@ -37,7 +37,6 @@ def view(
             "--config",
             metavar="NAME|GLOB",
             help="Select configurations by name, entry or glob (repeatable).",
-            show_default=False,
         ),
     ] = None,
     format_: Annotated[Format, typer.Option("--format", help="Image format.")] = "svg",

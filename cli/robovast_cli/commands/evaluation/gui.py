@@ -39,7 +39,6 @@ Port = Annotated[
         min=1,
         max=65535,
         help="Local port, for example to forward it over SSH (default: a free port).",
-        show_default=False,
     ),
 ]
 NoBrowser = Annotated[
@@ -74,7 +73,6 @@ def gui(
             "--override",
             metavar="VAST_FILE",
             help="Use commands and notebooks of this .vast file (default: each campaign's own).",
-            show_default=False,
         ),
     ] = None,
     port: Port = None,

@@ -30,7 +30,6 @@ def notebook(
         typer.Argument(
             metavar="WORKLOAD",
             help="Name in `evaluation.visualization`, required if there are several.",
-            show_default=False,
         ),
     ] = None,
     batch: Annotated[
@@ -40,7 +39,6 @@ def notebook(
             metavar="N",
             min=0,
             help="For a search: open the notebook for batch N, with `BATCH` set to N.",
-            show_default=False,
         ),
     ] = None,
     override: Annotated[
@@ -49,7 +47,6 @@ def notebook(
             "--override",
             metavar="VAST_FILE",
             help="Use the notebook of this .vast file (default: the campaign's own).",
-            show_default=False,
         ),
     ] = None,
 ) -> int:

@@ -16,18 +16,11 @@ Select = Annotated[
         metavar="NAME|GLOB",
         help="Select configurations by name, entry or glob, or shard N of M with `N/M` "
         "(repeatable).",
-        show_default=False,
     ),
 ]
 Runs = Annotated[
     int | None,
-    typer.Option(
-        "-r",
-        "--runs",
-        min=1,
-        help="Runs per configuration (default: `execution.runs`).",
-        show_default=False,
-    ),
+    typer.Option("-r", "--runs", min=1, help="Runs per configuration (default: `execution.runs`)."),
 ]
 Limits = Annotated[
     bool,
@@ -58,14 +51,11 @@ def run(
     out: Annotated[
         Path | None,
         typer.Argument(
-            metavar="OUT",
-            help="Results folder (default: from the project, else `results`).",
-            show_default=False,
+            metavar="OUT", help="Results folder (default: from the project, else `results`)."
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="PATH", help="Same as OUT.", show_default=False),
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="Same as OUT.")
     ] = None,
     config: Select = None,
     runs: Runs = None,
@@ -76,7 +66,6 @@ def run(
             min=1,
             help="For a search: stop after N batches in total, regardless of the .vast file. With "
             "`--resume`, extend a finished search.",
-            show_default=False,
         ),
     ] = None,
     jobs: Annotated[
@@ -86,14 +75,12 @@ def run(
             "--jobs",
             min=1,
             help="Number of parallel jobs (default: available CPUs / CPUs per run).",
-            show_default=False,
         ),
     ] = None,
     runtime: Annotated[
         Literal["docker", "podman", "process", "auto"],
         typer.Option(
-            "--runtime",
-            help="Runtime; `auto` selects and reports the first available one.",
+            "--runtime", help="Runtime; `auto` selects and reports the first available one."
         ),
     ] = "auto",
     image: Annotated[
@@ -102,7 +89,6 @@ def run(
             "-i",
             "--image",
             help="Container image (default: $ROBOVAST_IMAGE, else `execution.image`).",
-            show_default=False,
         ),
     ] = None,
     resume: Annotated[
@@ -112,7 +98,6 @@ def run(
             metavar="CAMPAIGN_DIR",
             help="Resume this campaign without repeating finished runs. With `--runs N`, extend "
             "to N runs in total, only for the `--config` selection if given.",
-            show_default=False,
         ),
     ] = None,
     reuse: Annotated[

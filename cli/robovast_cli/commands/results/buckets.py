@@ -24,13 +24,11 @@ BUCKET_HELP = (
 )
 Buckets = Annotated[
     list[str] | None,
-    typer.Option(
-        "--bucket", metavar="NAME", help=f"{BUCKET_HELP} (repeatable).", show_default=False
-    ),
+    typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP} (repeatable)."),
 ]
 Bucket = Annotated[
     str | None,
-    typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP}.", show_default=False),
+    typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP}."),
 ]
 Context = Annotated[
     str | None,
@@ -38,7 +36,6 @@ Context = Annotated[
         "--context",
         metavar="NAME",
         help="Context of the kubeconfig, with --bucket (default: the current context).",
-        show_default=False,
     ),
 ]
 Namespace = Annotated[
@@ -47,7 +44,6 @@ Namespace = Annotated[
         "--namespace",
         metavar="NAME",
         help="Namespace of the campaign, with --bucket (default: the context's namespace).",
-        show_default=False,
     ),
 ]
 

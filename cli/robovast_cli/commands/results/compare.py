@@ -71,19 +71,15 @@ def compare(
     margin: Annotated[
         float,
         typer.Option(
-            metavar="RATE",
-            help="Tolerated rise of the failure rate. At least 0 and below 1.",
+            metavar="RATE", help="Tolerated rise of the failure rate. At least 0 and below 1."
         ),
     ] = 0.05,
     junit: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Output file for a JUnit report.", show_default=False),
+        Path | None, typer.Option(metavar="FILE", help="Output file for a JUnit report.")
     ] = None,
     markdown: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Output file for a comment of a pull request.", show_default=False
-        ),
+        typer.Option(metavar="FILE", help="Output file for a comment of a pull request."),
     ] = None,
     output: ReportFormat = "text",
 ) -> None:

@@ -40,11 +40,7 @@ def coverage(
     buckets: Annotated[
         int | None,
         typer.Option(
-            min=1,
-            max=1000,
-            metavar="N",
-            help="Number of equal intervals that group random values.",
-            show_default=False,
+            min=1, max=1000, metavar="N", help="Number of equal intervals that group random values."
         ),
     ] = None,
     worst: Annotated[
@@ -59,7 +55,6 @@ def coverage(
             metavar="FILE",
             help="Output .vast file that runs the missing pairs. Write it into the folder of the "
             "campaign's .vast file.",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

@@ -57,7 +57,6 @@ def download(
             "--campaign",
             metavar="NAME",
             help="Name of a campaign or of its results folder (default: all) (repeatable).",
-            show_default=False,
         ),
     ] = None,
     output: Target = None,
@@ -70,12 +69,10 @@ def download(
             "--from",
             help="Source: object storage of the cluster, or file share (default: share if "
             "ROBOVAST_SHARE_TYPE is set without --context and --namespace, otherwise cluster).",
-            show_default=False,
         ),
     ] = None,
     keep_archive: Annotated[
-        bool,
-        typer.Option("--keep-archive", help="Keep the downloaded `.tar.gz` file."),
+        bool, typer.Option("--keep-archive", help="Keep the downloaded `.tar.gz` file.")
     ] = False,
     debug: Annotated[
         bool, typer.Option("--debug", help="Log of HTTP requests with their status, on stderr.")

@@ -47,7 +47,6 @@ def history(
             "--campaign",
             metavar="NAME",
             help="Campaign in which the configuration has this name (default: the latest).",
-            show_default=False,
         ),
     ] = None,
     results_dir: ResultsDir = None,

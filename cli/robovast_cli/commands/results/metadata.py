@@ -26,11 +26,7 @@ def metadata(
     ctx: typer.Context,
     results_dir: ResultsDir = None,
     no_plugins: Annotated[
-        bool,
-        typer.Option(
-            "--no-plugins",
-            help="Skip plugins from files of the campaigns.",
-        ),
+        bool, typer.Option("--no-plugins", help="Skip plugins from files of the campaigns.")
     ] = False,
     dot_pdf: Annotated[
         bool,

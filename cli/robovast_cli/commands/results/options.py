@@ -21,7 +21,6 @@ ResultsDir = Annotated[
         "--results-dir",
         metavar="PATH",
         help="Folder of campaigns or of one campaign (default: the project's results folder).",
-        show_default=False,
     ),
 ]
 
@@ -32,7 +31,6 @@ Target = Annotated[
         "--output",
         metavar="PATH",
         help="Folder that receives the campaign's folder (default: the project's results folder).",
-        show_default=False,
     ),
 ]
 
@@ -59,7 +57,6 @@ Campaigns = Annotated[
         "--campaign",
         metavar="NAME",
         help="Campaign, by the name of its folder (default: all) (repeatable).",
-        show_default=False,
     ),
 ]
 

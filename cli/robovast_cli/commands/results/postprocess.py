@@ -49,7 +49,6 @@ def postprocess(
             "--override",
             metavar="VAST_FILE",
             help="File whose commands replace the commands of each campaign.",
-            show_default=False,
         ),
     ] = None,
     skip: Annotated[
@@ -67,8 +66,7 @@ def postprocess(
         ),
     ] = False,
     skip_metadata: Annotated[
-        bool,
-        typer.Option("--skip-metadata", help="Skip metadata.yaml and metadata.prov.json."),
+        bool, typer.Option("--skip-metadata", help="Skip metadata.yaml and metadata.prov.json.")
     ] = False,
     jobs: Annotated[
         int | None,
@@ -77,7 +75,6 @@ def postprocess(
             "--jobs",
             min=1,
             help="Number of runs processed in parallel (default: number of CPUs).",
-            show_default=False,
         ),
     ] = None,
     time_limit: Annotated[

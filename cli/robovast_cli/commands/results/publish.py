@@ -42,15 +42,13 @@ def publish(
             "--override",
             metavar="VAST_FILE",
             help="File that replaces the .vast file of each campaign.",
-            show_default=False,
         ),
     ] = None,
     force: Annotated[
         bool, typer.Option("-f", "--force", help="Replace existing archives without confirmation.")
     ] = False,
     skip_postprocessing: Annotated[
-        bool,
-        typer.Option("--skip-postprocessing", help="Publish without postprocessing."),
+        bool, typer.Option("--skip-postprocessing", help="Publish without postprocessing.")
     ] = False,
     skip_upload: Annotated[
         bool, typer.Option("--skip-upload", help="Pack only. Skip plugins that upload.")

@@ -29,9 +29,7 @@ def query(
     sql: Annotated[
         str | None,
         typer.Argument(
-            metavar="SQL|-",
-            help="Query, or `-` for standard input (default: list the tables).",
-            show_default=False,
+            metavar="SQL|-", help="Query, or `-` for standard input (default: list the tables)."
         ),
     ] = None,
     results_dir: ResultsDir = None,

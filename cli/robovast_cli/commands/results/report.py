@@ -39,7 +39,6 @@ def report(
             "--baseline",
             metavar="CAMPAIGN",
             help="Campaign to compare with: its folder, or its name in the results folder.",
-            show_default=False,
         ),
     ] = None,
     output: Annotated[
@@ -49,7 +48,6 @@ def report(
             "--output",
             metavar="FILE",
             help="Report file that ends in .html or .md (default: report.html) (repeatable).",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

@@ -38,11 +38,11 @@ def search(
         Literal["sets", "best", "progress", "critical", "map", "archive"],
         typer.Argument(
             metavar="VIEW",
+            show_default=False,
             help="sets: all parameter sets with their scores. best: the best set, or the Pareto "
             "front. progress: numbers of the strategy after each batch. critical: critical value "
             "of each parameter. map: failure rate in the whole space. archive: best set of each "
             "cell (default: sets).",
-            show_default=False,
         ),
     ] = "sets",
     results_dir: ResultsDir = None,
@@ -53,17 +53,12 @@ def search(
             metavar="NAME=VALUE",
             help="Value of a parameter for `critical` and `map --picture` (default: middle of the "
             "space) (repeatable).",
-            show_default=False,
         ),
     ] = None,
     output: AnswerFormat = "table",
     picture: Annotated[
         Path | None,
-        typer.Option(
-            metavar="PATH",
-            help="Image file (.png or .svg) for `map` or `progress`.",
-            show_default=False,
-        ),
+        typer.Option(metavar="PATH", help="Image file (.png or .svg) for `map` or `progress`."),
     ] = None,
     over: Annotated[
         list[str] | None,
@@ -71,7 +66,6 @@ def search(
             metavar="NAME",
             help="Dimension to draw with `map --picture`. Give two (default: the first two) "
             "(repeatable).",
-            show_default=False,
         ),
     ] = None,
 ) -> None:

@@ -29,7 +29,6 @@ def list_share(
             "--campaign",
             metavar="NAME|GLOB",
             help="Campaign on the file share (default: all) (repeatable).",
-            show_default=False,
         ),
     ] = None,
     results_dir: ResultsDir = None,

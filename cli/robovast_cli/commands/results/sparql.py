@@ -36,7 +36,6 @@ def sparql(
         typer.Argument(
             metavar="NAME|FILE|-",
             help="Name of an included query, file with a query, or `-` for standard input.",
-            show_default=False,
         ),
     ] = None,
     results_dir: ResultsDir = None,

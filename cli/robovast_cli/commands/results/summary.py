@@ -44,7 +44,6 @@ def summary(
             metavar="CAMPAIGN",
             help="Folder of a campaign, or its name in the results folder (default: its only "
             "campaign).",
-            show_default=False,
         ),
     ] = None,
     results_dir: ResultsDir = None,

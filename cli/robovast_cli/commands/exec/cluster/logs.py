@@ -55,16 +55,12 @@ RunNames = Annotated[
     typer.Argument(
         metavar="[CAMPAIGN] RUN",
         help="Run, for example `hall-1/0`. Add CAMPAIGN if the namespace has several campaigns.",
-        show_default=False,
     ),
 ]
 Secondary = Annotated[
     str | None,
     typer.Option(
-        "--secondary",
-        metavar="NAME",
-        help="Secondary container (default: the main container).",
-        show_default=False,
+        "--secondary", metavar="NAME", help="Secondary container (default: the main container)."
     ),
 ]
 
@@ -81,10 +77,7 @@ def logs(
     ] = False,
     secondary: Secondary = None,
     tail: Annotated[
-        int | None,
-        typer.Option(
-            "--tail", metavar="N", min=0, help="Print only the last N lines.", show_default=False
-        ),
+        int | None, typer.Option("--tail", metavar="N", min=0, help="Print only the last N lines.")
     ] = None,
     failed: Annotated[
         bool, typer.Option("--failed", help="Print the logs of all failed and errored runs.")

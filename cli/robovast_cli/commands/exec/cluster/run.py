@@ -43,7 +43,6 @@ Image = Annotated[
         envvar="ROBOVAST_IMAGE",
         show_envvar=False,
         help="Container image (default: $ROBOVAST_IMAGE, else `execution.image`).",
-        show_default=False,
     ),
 ]
 
@@ -70,10 +69,7 @@ def run(
     parallelism: Annotated[
         int | None,
         typer.Option(
-            "--parallelism",
-            min=1,
-            help="Maximum number of concurrent pods (default: 100).",
-            show_default=False,
+            "--parallelism", min=1, help="Maximum number of concurrent pods (default: 100)."
         ),
     ] = None,
     reuse: Annotated[
@@ -90,7 +86,6 @@ def run(
             "--queue",
             metavar="NAME",
             help="Kueue LocalQueue of the campaign (default: `robovast`, if it exists).",
-            show_default=False,
         ),
     ] = None,
     queue_priority: Annotated[
@@ -99,7 +94,6 @@ def run(
             "--queue-priority",
             metavar="NAME",
             help="Kueue WorkloadPriorityClass; higher priorities are admitted first.",
-            show_default=False,
         ),
     ] = None,
     dry_run: Annotated[

@@ -31,11 +31,7 @@ COLUMNS = ["RUN", "STATE", "TIME", "POD", "NODE", "WHY"]
 def runs(
     campaign: Annotated[
         str | None,
-        typer.Argument(
-            metavar="CAMPAIGN",
-            help="Campaign, required if the namespace has several.",
-            show_default=False,
-        ),
+        typer.Argument(metavar="CAMPAIGN", help="Campaign, required if the namespace has several."),
     ] = None,
     failed: Annotated[
         bool, typer.Option("--failed", help="List only failed and errored runs.")

@@ -37,7 +37,6 @@ ConfigOption = Annotated[
         metavar="KEY=VALUE",
         help="Option of the cluster configuration, or value of the chart such as "
         "`operator.replicas=2` (repeatable).",
-        show_default=False,
     ),
 ]
 
@@ -58,11 +57,7 @@ def _list_configs() -> None:
 def setup(
     cluster_config: Annotated[
         str | None,
-        typer.Argument(
-            metavar="CLUSTER_CONFIG",
-            help="Cluster configuration, for example `gcp`.",
-            show_default=False,
-        ),
+        typer.Argument(metavar="CLUSTER_CONFIG", help="Cluster configuration, for example `gcp`."),
     ] = None,
     list_: Annotated[
         bool, typer.Option("--list", help="List the cluster configurations and exit.")
@@ -71,9 +66,7 @@ def setup(
     force: Annotated[
         bool,
         typer.Option(
-            "-f",
-            "--force",
-            help="Replace an installation with a different cluster configuration.",
+            "-f", "--force", help="Replace an installation with a different cluster configuration."
         ),
     ] = False,
     context: Context = None,
@@ -140,9 +133,7 @@ def prepare_setup(
     cluster_config: Annotated[
         str,
         typer.Option(
-            "--cluster-config",
-            metavar="NAME",
-            help="Cluster configuration, for example `gcp`.",
+            "--cluster-config", metavar="NAME", help="Cluster configuration, for example `gcp`."
         ),
     ],
     option: ConfigOption = None,

@@ -50,7 +50,6 @@ def upload_to_share(
             metavar="NAME",
             help="Campaign, by its name or the name of its results folder (default: all finished "
             "campaigns of the namespace) (repeatable).",
-            show_default=False,
         ),
     ] = None,
     force: Annotated[
@@ -63,7 +62,6 @@ def upload_to_share(
             "--image",
             help="Image of the RoboVAST agent, for example with your own share provider "
             "(default: the agent image of the campaigns).",
-            show_default=False,
         ),
     ] = None,
     context: Context = None,
