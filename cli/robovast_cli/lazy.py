@@ -24,7 +24,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from robovast_cli.ui.usage import name_values, normalize_paths, refuse_contexts
+from robovast_cli.ui.usage import name_parameters, normalize_paths, reject_second_context
 
 WIDTH = 96
 """Columns of a line in the help of a command."""
@@ -61,7 +61,7 @@ class LazyCommand(TyperCommand):
         module, _, name = self._target.partition(":")
         found = getattr(import_module(module), name)
         command = get_command(found if isinstance(found, typer.Typer) else _app_of(found))
-        return refuse_contexts(normalize_paths(name_values(command)))
+        return reject_second_context(normalize_paths(name_parameters(command)))
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
@@ -76,7 +76,7 @@ def _app_of(function: Callable[..., Any]) -> typer.Typer:
     return app
 
 
-def paths_of(name: str, group: Any, path: str) -> Iterator[str]:
+def find_commands(name: str, group: Any, path: str) -> Iterator[str]:
     """Commands of a name anywhere below a group, as one types them: `vast exec local run`."""
     for own, command in getattr(group, "commands", {}).items():
         if command.hidden:
@@ -84,7 +84,7 @@ def paths_of(name: str, group: Any, path: str) -> Iterator[str]:
         if own == name:
             yield f"`{path} {own}`"
         real = command.load() if isinstance(command, LazyCommand) else command
-        yield from paths_of(name, real, f"{path} {own}")
+        yield from find_commands(name, real, f"{path} {own}")
 
 
 def examples(*lines: tuple[str, str]) -> Callable[[AnyFunction], AnyFunction]:

@@ -12,7 +12,7 @@ from typer.main import get_command
 
 from robovast.base.printable import PrintableFormatter
 from robovast_cli import conflicting_package
-from robovast_cli.lazy import Lazy, add_lazy, new_app, paths_of
+from robovast_cli.lazy import Lazy, add_lazy, find_commands, new_app
 from robovast_cli.ui.report import echo_stderr, report_errors
 from robovast_cli.ui.usage import UsageError, explain_usage_errors, normalize_paths
 from robovast_cli.workspace import Workspace, set_log_level
@@ -49,9 +49,9 @@ class Root(TyperGroup):
     @cached_property
     def plugins(self) -> Mapping[str, Any]:
         """Commands of plugins by name."""
-        from robovast_cli.plugins import find_plugins, report_on_stderr
+        from robovast_cli.plugins import echo_warning, find_plugins
 
-        return find_plugins(self.commands, report_on_stderr)
+        return find_plugins(self.commands, echo_warning)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Names of all commands, plugins last."""
@@ -66,7 +66,7 @@ class Root(TyperGroup):
         try:
             return super().resolve_command(ctx, args)
         except typer.TyperException:
-            if found := sorted(paths_of(args[0], self, "vast")):
+            if found := sorted(find_commands(args[0], self, "vast")):
                 message, hint = f"no such command {args[0]!r}", f"did you mean {', '.join(found)}?"
                 raise UsageError(message, ctx, hint=hint) from None
             raise

@@ -62,7 +62,7 @@ def load_plugin(entry: EntryPoint) -> Any:
         raise
     except BaseException as error:  # a plugin may even exit while it is imported
         raise CannotRunError(
-            f"{_whose(entry)} cannot be loaded from `{entry.value}`: {type(error).__name__}: "
+            f"{_describe(entry)} cannot be loaded from `{entry.value}`: {type(error).__name__}: "
             f"{error}",
             hint="update or remove that distribution",
         ) from error
@@ -71,7 +71,7 @@ def load_plugin(entry: EntryPoint) -> Any:
     if not isinstance(plugin, type) and callable(getattr(plugin, "main", None)):
         return plugin
     raise CannotRunError(
-        f"{_whose(entry)} names `{entry.value}`, a {type(plugin).__name__}; it must be a Click "
+        f"{_describe(entry)} names `{entry.value}`, a {type(plugin).__name__}; it must be a Click "
         "command or group, or a Typer app.",
         hint="update or remove that distribution",
     )
@@ -88,13 +88,13 @@ def find_plugins(taken: Iterable[str], report: Callable[[str], None]) -> dict[st
     for entry in (entry for group in GROUPS for entry in entry_points(group=group)):
         problem = _problem(entry, found.get(entry.name), taken)
         if problem:
-            report(f"{_whose(entry)} is skipped: {problem}")
+            report(f"{_describe(entry)} is skipped: {problem}")
         else:
             found.setdefault(entry.name, entry)
     return {name: PluginCommand(entry) for name, entry in sorted(found.items())}
 
 
-def report_on_stderr(line: str) -> None:
+def echo_warning(line: str) -> None:
     """Print a warning."""
     echo_stderr(f"warning: {line}")
 
@@ -115,7 +115,7 @@ def _problem(entry: EntryPoint, other: EntryPoint | None, taken: Iterable[str]) 
     return None
 
 
-def _whose(entry: EntryPoint) -> str:
+def _describe(entry: EntryPoint) -> str:
     return f"the command `{entry.name}` of {origin(entry)}"
 
 

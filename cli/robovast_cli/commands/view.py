@@ -78,7 +78,7 @@ def _show_in_rerun(
     from robovast.evaluation.server.other_viewers import open_in_rerun
 
     def ready(address: str, faults: list[str]) -> None:
-        _say_faults(faults)
+        _echo_faults(faults)
         present(run, address, no_browser=no_browser)
 
     open_in_rerun(results, _bag(results, names), "-".join(names[1:]), port, ready)
@@ -88,7 +88,7 @@ def _serve_to_foxglove(run: Path, results: Path, names: tuple[str, ...], port: i
     from robovast.evaluation.server.other_viewers import serve_mcap
 
     def ready(address: str, faults: list[str]) -> None:
-        _say_faults(faults)
+        _echo_faults(faults)
         echo(f"Serving {run}: {address}")
         link = f"lichtblick://open?ds=remote-file&ds.url={quote(address, safe='')}"
         echo(f"  Lichtblick: lichtblick '{link}'")
@@ -106,7 +106,7 @@ def _bag(results: Path, names: tuple[str, ...]) -> str:
     return bag_of(results, "/".join(names), named)
 
 
-def _say_faults(faults: list[str]) -> None:
+def _echo_faults(faults: list[str]) -> None:
     for fault in faults:
         echo(f"Incomplete: {fault}")
 

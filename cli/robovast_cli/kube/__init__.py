@@ -1,1 +1,1 @@
-"""The cluster, as the user's kubeconfig leads to it."""
+"""Access to the cluster of the user's kubeconfig."""

@@ -1,4 +1,4 @@
-"""The API server, as the user's kubeconfig leads to it."""
+"""Requests to the API server of the user's kubeconfig."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robovast.base.errors import CannotRunError, RobovastError
 from robovast.base.optional_deps import CLUSTER
 from robovast.kubeapi.resources import API_VERSION
 from robovast_cli.kube.api_errors import NotFoundError, NotInstalledError, refusal, unreachable
-from robovast_cli.kube.kubeconfig import choose, files, login_program, options_of
+from robovast_cli.kube.kubeconfig import cluster_options, files, login_program, select_context
 from robovast_cli.kube.port_forward import PortForward
 
 if TYPE_CHECKING:
@@ -40,9 +40,9 @@ KUEUE = "kueue.x-k8s.io"
 
 
 class Kubernetes:
-    """One API server, namespace and user.
+    """Client of one API server, namespace and user.
 
-    Methods raise `RobovastError` when the server refuses or cannot be reached.
+    Methods raise `RobovastError` if the server rejects a request or cannot be reached.
     """
 
     def __init__(
@@ -51,27 +51,27 @@ class Kubernetes:
         portal: BlockingPortal,
         context: str | None,
         namespace: str,
-        given: str = "",
+        options: str = "",
     ) -> None:
         self._client = client
         self._portal = portal
         self.context = context or ""
         """Name of the kubeconfig's context; empty inside a pod."""
         self.namespace = namespace
-        self.given = given
-        """Options that chose it, to be repeated in commands that are printed."""
+        self.cluster_options = options
+        """Options that select this cluster, for commands in messages: ` --namespace lab`."""
 
     @property
     def where(self) -> str:
-        """The API server, as messages name it."""
+        """Name of the API server in messages."""
         return _where(self.context, str(self._client.configuration.host))
 
     def campaigns(self) -> list[Json]:
-        """All Campaigns of the namespace, the oldest first."""
+        """Return all Campaigns of the namespace, the oldest first."""
         return self._list("campaigns", API_VERSION, {})
 
     def campaign(self, name: str) -> Json | None:
-        """A Campaign; None when there is none of this name."""
+        """Return a Campaign by name, or None."""
         return self._find("campaigns", name, API_VERSION)
 
     def create_campaign(self, campaign: Json) -> Json:
@@ -84,7 +84,7 @@ class Kubernetes:
         return self._call("PATCH", url, API_VERSION, body={"spec": spec})
 
     def delete_campaign(self, name: str) -> None:
-        """Delete a Campaign; the objects that it owns are removed afterwards."""
+        """Delete a Campaign; Kubernetes then deletes the objects that it owns."""
         options = {"propagationPolicy": "Background"}
         self._call("DELETE", f"campaigns/{quote(name)}", API_VERSION, body=options)
 
@@ -97,7 +97,7 @@ class Kubernetes:
         return str(found["preferredVersion"]["groupVersion"])
 
     def has_queue(self, name: str) -> bool:
-        """True when the namespace has a Kueue LocalQueue, and the user may see it."""
+        """Return whether the namespace has a Kueue LocalQueue that the user may read."""
         version = self.version_of(KUEUE)
         try:
             return bool(version and self._find("localqueues", name, version))
@@ -105,19 +105,19 @@ class Kubernetes:
             return False
 
     def secret(self, name: str) -> Json | None:
-        """A Secret; None when there is none of this name."""
+        """Return a Secret by name, or None."""
         return self._find("secrets", name)
 
     def service(self, name: str, namespace: str) -> Json | None:
-        """A Service; None when there is none of this name."""
+        """Return a Service by name, or None."""
         return self._find("services", name, namespace=namespace)
 
     def has_pods(self, labels: Mapping[str, str]) -> bool:
-        """True when the namespace has pods with all these labels, or Jobs that make some."""
+        """Return whether the namespace has pods or Jobs with all these labels."""
         return bool(self.jobs(labels) or self.pods(labels))
 
     def pods(self, labels: Mapping[str, str]) -> list[Json]:
-        """The namespace's pods with all these labels, the oldest first."""
+        """Return the pods with all these labels, the oldest first."""
         return self._list("pods", "v1", labels)
 
     def create_pod(self, pod: Json) -> Json:
@@ -125,15 +125,15 @@ class Kubernetes:
         return self._call("POST", "pods", body=pod)
 
     def config_map(self, name: str) -> Json | None:
-        """A ConfigMap; None when there is none of this name."""
+        """Return a ConfigMap by name, or None."""
         return self._find("configmaps", name)
 
     def config_maps(self, labels: Mapping[str, str]) -> list[Json]:
-        """The namespace's ConfigMaps with all these labels, the oldest first."""
+        """Return the ConfigMaps with all these labels, the oldest first."""
         return self._list("configmaps", "v1", labels)
 
     def log(self, pod: str, container: str, *, follow: bool = False) -> Iterator[str]:
-        """Lines of a container's log; with `follow` also those to come, until the container ends.
+        """Yield the lines of a container's log; with `follow`, also new lines until it ends.
 
         Raises:
             NotFoundError: there is no such pod, or no such log of it.
@@ -148,17 +148,17 @@ class Kubernetes:
             self._portal.call(answer.response.close)
 
     def log_end(self, pod: str, lines: int) -> str:
-        """The last lines of the log of a pod with one container."""
+        """Return the last lines of the log of a pod with one container."""
         url, params = f"pods/{quote(pod)}/log", {"tailLines": str(lines)}
         text: str = self._run(partial(self._text, "GET", url, params=params))
         return text
 
     def jobs(self, labels: Mapping[str, str]) -> list[Json]:
-        """The namespace's Jobs with all these labels, the oldest first."""
+        """Return the Jobs with all these labels, the oldest first."""
         return self._list("jobs", BATCH, labels)
 
     def job(self, name: str) -> Json | None:
-        """A Job; None when there is none of this name."""
+        """Return a Job by name, or None."""
         return self._find("jobs", name, BATCH)
 
     def create_job(self, job: Json) -> Json:
@@ -166,12 +166,12 @@ class Kubernetes:
         return self._call("POST", "jobs", BATCH, body=job)
 
     def start_job(self, name: str) -> Json:
-        """Let a Job that was created suspended begin."""
+        """Start a Job that was created suspended."""
         body = {"spec": {"suspend": False}}
         return self._call("PATCH", f"jobs/{quote(name)}", BATCH, body=body)
 
     def delete_job(self, name: str) -> None:
-        """Delete a Job; its pods, and what it owns, disappear after it."""
+        """Delete a Job; Kubernetes then deletes its pods and the objects that it owns."""
         options = {"propagationPolicy": "Background"}
         with suppress(NotFoundError):
             self._call("DELETE", f"jobs/{quote(name)}", BATCH, body=options)
@@ -182,14 +182,11 @@ class Kubernetes:
 
     @contextmanager
     def forward(self, service: Json, target: int | str) -> Iterator[int]:
-        """Forward a port of this machine to the pods of a Service, while the context lasts.
+        """Yield a port of this machine that is forwarded to a port of the pods of a Service.
 
         Args:
-            service: the Service.
+            service: Service resource.
             target: port of its pods, by number or by name.
-
-        Yields:
-            The port on this machine's loopback.
         """
         labels = service["spec"].get("selector") or {}
         namespace = service["metadata"]["namespace"]
@@ -243,7 +240,7 @@ class Kubernetes:
         params: Mapping[str, str] | None = None,
         seconds: float | None = TIME_LIMIT,
     ) -> Any:
-        """The answer to a request, whose content may not be there yet."""
+        """Return the response to a request, whose content may not have arrived."""
         root = f"/{'apis' if '/' in version else 'api'}/{version}" if version else "/apis"
         space = self.namespace if namespace is None else namespace
         kind = "merge-patch+json" if method == "PATCH" else "json"
@@ -258,7 +255,7 @@ class Kubernetes:
             auth_settings=["BearerToken"],
         )
         answer = await ask()
-        if answer.status == 401:  # keys may end before they say, while a campaign runs for hours
+        if answer.status == 401:  # credentials can expire while a campaign runs for hours
             _login(self._client.configuration, self.context)
             answer = await ask()
         if answer.status >= 400:
@@ -279,16 +276,16 @@ class Kubernetes:
         except RobovastError:
             raise
         except Exception as error:
-            raise _explained(error, self.where) from error
+            raise _as_cli_error(error, self.where) from error
 
 
 @contextmanager
 def connect(context: str | None = None, namespace: str | None = None) -> Iterator[Kubernetes]:
-    """Talk to an API server, which `$KUBECONFIG` and the context choose, as for kubectl.
+    """Connect to the API server that `$KUBECONFIG` and the context select, as kubectl does.
 
     Args:
-        context: name of the context; the current one when None.
-        namespace: the context's when None.
+        context: name of the context (default: the current context).
+        namespace: name of the namespace (default: from the context).
 
     Raises:
         CannotRunError: the context is missing, or its login fails.
@@ -297,8 +294,8 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
     with CLUSTER.needed_by("Access to a cluster"):
         from anyio.from_thread import start_blocking_portal
         from kubernetes.aio.client import ApiClient, Configuration
-    given = options_of(context, namespace)
-    context, namespace = choose(context, namespace)
+    options = cluster_options(context, namespace)
+    context, namespace = select_context(context, namespace)
     try:
         server = Configuration()
         _login(server, context)
@@ -306,19 +303,19 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         namespace = namespace or (SERVICE_ACCOUNT / "namespace").read_text(encoding="utf-8")
     except Exception as error:
         raise CannotRunError(
-            f"cannot log in to {_where(context, '')}: {_why_no_login(error)}",
+            f"cannot log in to {_where(context, '')}: {_login_problem(error)}",
             hint=f"{_remedy(error)}run `kubectl config get-contexts` to list the contexts of your "
             "kubeconfig ($KUBECONFIG, else ~/.kube/config)",
         ) from error
     with start_blocking_portal() as portal:
         try:
-            yield Kubernetes(client, portal, context, namespace, given)
+            yield Kubernetes(client, portal, context, namespace, options)
         finally:
             portal.call(client.close)
 
 
 def _login(server: Any, context: str | None) -> None:
-    """Note how to reach an API server as whom: by a context, without one as a pod."""
+    """Set the address and the credentials of an API server: from a context, else of this pod."""
     from kubernetes import config
 
     if not context:
@@ -328,7 +325,7 @@ def _login(server: Any, context: str | None) -> None:
             cause = "no kubeconfig has a current context, and this is not a pod"
             raise CannotRunError(cause) from error
         return
-    # Not the loader of kubernetes.aio: that one does not renew tokens, nor keep renewed ones.
+    # The loader of kubernetes.aio neither renews tokens nor stores renewed tokens.
     program = login_program(context)
     if program and os.sep not in program and shutil.which(program) is None:
         raise CannotRunError(
@@ -342,7 +339,7 @@ def _login(server: Any, context: str | None) -> None:
             hint="log in again, or use another context with `--context`",
         )
     if server.proxy:
-        server.client_session_kwargs = {"proxy": server.proxy}  # for port forwarding, too
+        server.client_session_kwargs = {"proxy": server.proxy}  # also used by port forwarding
 
 
 def _lines(chunks: Iterable[bytes]) -> Iterator[str]:
@@ -358,7 +355,7 @@ def _with(labels: Mapping[str, str]) -> dict[str, str]:
     return {"labelSelector": ",".join(f"{key}={value}" for key, value in labels.items())}
 
 
-def _why_no_login(error: Exception) -> str:
+def _login_problem(error: Exception) -> str:
     if isinstance(error, binascii.Error):
         return "a certificate, key or token in the kubeconfig is not valid base64"
     if isinstance(error, OSError):
@@ -377,15 +374,15 @@ def _where(context: str | None, server: str) -> str:
     return f"{named} ({server})" if server else named
 
 
-def _explained(error: Exception, where: str) -> RobovastError:
+def _as_cli_error(error: Exception, where: str) -> RobovastError:
     from aiohttp import ClientError
 
     if isinstance(error, ClientError | OSError):
-        cause = getattr(error, "os_error", error)  # without what aiohttp says of its own objects
-        own = isinstance(cause, ssl.SSLError)  # numbers of TLS mean something else
+        cause = getattr(error, "os_error", error)  # the message of aiohttp contains its objects
+        own = isinstance(cause, ssl.SSLError)  # numbers of TLS errors are not errno
         number = cause.errno or 0 if isinstance(cause, OSError) and not own else 0
-        said = os.strerror(number) if number in errno.errorcode else str(cause)
-        return unreachable(said or type(error).__name__, where)
+        text = os.strerror(number) if number in errno.errorcode else str(cause)
+        return unreachable(text or type(error).__name__, where)
     return CannotRunError(f"{where}: {type(error).__name__}: {error}")
 
 

@@ -1,4 +1,4 @@
-"""Which context and namespace a kubeconfig means, by the rules of kubectl."""
+"""Select context and namespace of a kubeconfig, by the rules of kubectl."""
 
 from __future__ import annotations
 
@@ -13,19 +13,14 @@ from robovast.kubeapi.resources import DNS_LABEL
 from robovast.model.document.source import Source
 
 
-def options_of(context: str | None, namespace: str | None) -> str:
-    """What chooses a cluster in a command that is printed: ` --context a --namespace lab`.
-
-    Args:
-        context: as it was given; None is the current one.
-        namespace: as it was given; the context's when None.
-    """
-    given = {"context": context, "namespace": namespace}
-    return "".join(f" --{name} {quote(value)}" for name, value in given.items() if value)
+def cluster_options(context: str | None, namespace: str | None) -> str:
+    """Return the options that select a cluster in a command: ` --context a --namespace lab`."""
+    values = {"context": context, "namespace": namespace}
+    return "".join(f" --{name} {quote(value)}" for name, value in values.items() if value)
 
 
-def choose(context: str | None, namespace: str | None) -> tuple[str | None, str | None]:
-    """Context and namespace: as given, else those of the kubeconfig; None where it has none.
+def select_context(context: str | None, namespace: str | None) -> tuple[str | None, str | None]:
+    """Return context and namespace (default: from the kubeconfig); None if it has none.
 
     The files of `$KUBECONFIG` are merged; the first value wins.
 
@@ -37,11 +32,11 @@ def choose(context: str | None, namespace: str | None) -> tuple[str | None, str 
         raise InputError(
             f"`{namespace}` is not a valid namespace name", hint="use only a-z, 0-9 and `-`"
         )
-    told = (file.get("current-context") for file in _all())
-    chosen = context or next(filter(None, told), None)
+    current = (file.get("current-context") for file in _read_all())
+    chosen = context or next(filter(None, current), None)
     found = _entry("context", chosen)
     if found is None and chosen:
-        known = (item.get("name") for file in _all() for item in file.get("contexts") or ())
+        known = (item.get("name") for file in _read_all() for item in file.get("contexts") or ())
         raise CannotRunError(
             f"the context `{chosen}` does not exist in your kubeconfig ($KUBECONFIG, else "
             f"~/.kube/config); it has {', '.join(map(str, known)) or 'none'}.",
@@ -53,23 +48,23 @@ def choose(context: str | None, namespace: str | None) -> tuple[str | None, str 
 
 
 def login_program(context: str) -> str:
-    """The program that gives the key of a context's user; empty when there is none."""
+    """Return the program that logs in the user of a context; empty if there is none."""
     user = _entry("user", (_entry("context", context) or {}).get("user")) or {}
     return str((user.get("exec") or {}).get("command") or "")
 
 
 def files() -> str:
-    """The names of the kubeconfig's files, as `$KUBECONFIG` writes them."""
+    """Return the names of the kubeconfig files in the form of `$KUBECONFIG`."""
     return os.environ.get("KUBECONFIG") or "~/.kube/config"
 
 
 def _entry(kind: str, name: str | None) -> dict[str, Any] | None:
-    """The kubeconfig's entry for a context or user; None if it is missing."""
-    known = (item for file in _all() for item in file.get(f"{kind}s") or ())
+    """Return the entry of a context or user, or None."""
+    known = (item for file in _read_all() for item in file.get(f"{kind}s") or ())
     return next((item.get(kind) or {} for item in known if item.get("name") == name), None)
 
 
-def _all() -> list[dict[str, Any]]:
+def _read_all() -> list[dict[str, Any]]:
     return [_read(Path(name).expanduser()) for name in files().split(os.pathsep) if name]
 
 

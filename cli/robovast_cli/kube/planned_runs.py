@@ -1,4 +1,4 @@
-"""The runs of a campaign by folder and by id, as its plan in the cluster has them."""
+"""Ids and folders of the runs of a campaign, from its plan in the cluster."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def split_run(run: str) -> tuple[str, int]:
-    """Variant and number of the run in a folder.
+    """Return the configuration and the number of the run in a folder.
 
     Raises:
         ValueError: no run has such a folder.
@@ -44,14 +44,14 @@ def split_run(run: str) -> tuple[str, int]:
 
 @dataclass(frozen=True)
 class PlannedRuns:
-    """Which run is which."""
+    """Converts between ids and folders of runs."""
 
     plan: PlanSpec
     names: Sequence[str]
-    """Of all variants, in the plan's order."""
+    """Names of all configurations, in the order of the plan."""
 
     def id_of(self, run: str) -> int:
-        """Id of a run, by `<variant>/<number>`.
+        """Return the id of a run by its folder `<configuration>/<number>`.
 
         Raises:
             InputError: there is no such run.
@@ -67,12 +67,12 @@ class PlannedRuns:
             ) from None
 
     def path_of(self, id_: int) -> str:
-        """Folder of a run, `<variant>/<number>`."""
+        """Return the folder of a run, `<configuration>/<number>`."""
         variant, number = self.plan.run(id_)
         return f"{self.names[variant]}/{number}"
 
-    def paths_of(self, *ranges: str) -> list[str]:
-        """Folders of the runs in some ranges of ids."""
+    def find_commands(self, *ranges: str) -> list[str]:
+        """Return the folders of the runs in ranges of ids."""
         spans = merge(span for text in ranges for span in parse_ranges(text))
         return [self.path_of(id_) for id_ in ids(spans)]
 
@@ -80,16 +80,16 @@ class PlannedRuns:
 def planned_runs(
     kube: Kubernetes, campaign: CampaignState, store: Callable[[], ObjectStore]
 ) -> PlannedRuns | None:
-    """The runs of a campaign; None before they are planned.
+    """Return the runs of a campaign; None before they are planned.
 
     Args:
-        kube: the cluster.
-        campaign: which.
-        store: opens the store with its bucket, where plugins have made its variants.
+        kube: client of the cluster.
+        campaign: campaign with the runs.
+        store: opens the store, which has the configurations if plugins have created them.
 
     Raises:
-        InputError: its variants cannot be found out.
-        StorageError: the bucket with them cannot be read.
+        InputError: the configurations cannot be determined.
+        StorageError: the bucket cannot be read.
     """
     maps = kube.config_maps({UID_LABEL: campaign.uid})
     plans = [found for found in map(_plan_of, maps) if found is not None]
@@ -99,13 +99,13 @@ def planned_runs(
     spec, plan, text = newest
     with TemporaryDirectory() as folder:
         if plan.expansion != "pure":
-            return PlannedRuns(spec, _composed(plan, store(), Path(folder)))
+            return PlannedRuns(spec, _stored_names(plan, store(), Path(folder)))
         files = _files(kube, campaign)
-        return PlannedRuns(spec, _expanded(plan, text, files, Path(folder)))
+        return PlannedRuns(spec, _expand_names(plan, text, files, Path(folder)))
 
 
 def _plan_of(config_map: Json) -> tuple[PlanSpec, CampaignPlan, str] | None:
-    """A plan and its document; None of a ConfigMap that has none."""
+    """Return the plan and the `.vast` file in a ConfigMap, or None."""
     data = config_map.get("data") or {}
     try:
         plan = CampaignPlan.model_validate_json(data[PLAN_FILE])
@@ -115,16 +115,16 @@ def _plan_of(config_map: Json) -> tuple[PlanSpec, CampaignPlan, str] | None:
 
 
 def _files(kube: Kubernetes, campaign: CampaignState) -> Files:
-    """The files of a document that the operator itself expands."""
-    given = CampaignSpec.model_validate(campaign.resource["spec"]).source.config_map
-    if given is None:
+    """Return the files of a `.vast` file that the operator expands."""
+    source = CampaignSpec.model_validate(campaign.resource["spec"]).source.config_map
+    if source is None:
         return inline_files(campaign.resource["spec"])
     copy = kube.config_map(child_name(campaign.name, campaign.uid, "files")) or {}
-    return config_map_files(copy, {item.key: item.path for item in given.items})
+    return config_map_files(copy, {item.key: item.path for item in source.items})
 
 
-def _expanded(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list[str]:
-    """Names of the variants of a document whose expansion executes no code of users."""
+def _expand_names(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list[str]:
+    """Return the configuration names of a `.vast` file whose expansion runs no user code."""
     from robovast.agent.campaign import expand
 
     try:
@@ -138,12 +138,12 @@ def _expanded(plan: CampaignPlan, text: str, files: Files, folder: Path) -> list
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
     document = load_document(folder / "inputs" / plan.document)
-    made = expand(plan, document, folder / "made", lambda _: None)
-    return [variant.name for variant in made.variants]
+    composition = expand(plan, document, folder / "made", lambda _: None)
+    return [variant.name for variant in composition.variants]
 
 
-def _composed(plan: CampaignPlan, store: ObjectStore, folder: Path) -> list[str]:
-    """Names of the variants that the compose Job has stored."""
+def _stored_names(plan: CampaignPlan, store: ObjectStore, folder: Path) -> list[str]:
+    """Return the configuration names that the expansion Job has stored."""
     with CLUSTER.needed_by("Access to a cluster"):
         from robovast.agent.campaign import PodCampaign, open_composed
         from robovast.agent.mounts import Folders

@@ -1,4 +1,4 @@
-"""Read the state of a run from its pod. Pure functions."""
+"""Read the state of a run from its pod (pure functions)."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from robovast_cli.kube.api import Json
 
 
 def is_live(pod: Json) -> bool:
-    """Whether a pod exists to execute its runs: not if only containers of others still run."""
-    going = pod["metadata"].get("deletionTimestamp")
+    """Return whether a pod is not deleted, and its agent has not ended."""
+    deleted = pod["metadata"].get("deletionTimestamp")
     alive = (pod.get("status") or {}).get("phase") in (None, "Pending", "Running")
     agents = (s.get("state") or {} for s in _statuses(pod) if s["name"] == AGENT)
-    return not going and alive and not any("terminated" in state for state in agents)
+    return not deleted and alive and not any("terminated" in state for state in agents)
 
 
-def has_begun(pod: Json, container: str) -> bool:
-    """Whether a container has a log."""
+def has_started(pod: Json, container: str) -> bool:
+    """Return whether a container has a log."""
     states = (s.get("state") or {} for s in _statuses(pod) if s["name"] == container)
     return any("running" in state or _has_ended(state) for state in states)
 
 
 def _has_ended(state: Json) -> bool:
-    """Whether a container has ended that was started before."""
+    """Return whether a container was started and has ended."""
     return "terminated" in state and state["terminated"].get("reason") not in NEVER_STARTED
 
 
@@ -36,11 +36,7 @@ def is_prepared(pod: Json) -> bool:
 
 
 def check_container(pod: Json, name: str) -> None:
-    """Make sure that a pod has a container.
-
-    Raises:
-        InputError: it has none of this name.
-    """
+    """Raise an InputError if a pod has no container of this name."""
     kinds = (pod["spec"].get(kind) or () for kind in ("initContainers", "containers"))
     names = [container["name"] for kind in kinds for container in kind]
     if name not in names:
@@ -52,13 +48,13 @@ def check_container(pod: Json, name: str) -> None:
 
 
 def waiting_reason(pod: Json) -> str:
-    """Why the runs of a pod have not begun, as Kubernetes says."""
+    """Return the reason why the runs of a pod have not started."""
     name = pod["metadata"]["name"]
     return f"its pod {name} {next(_reasons(pod), 'is starting')}"
 
 
 def running_since(pod: Json, container: str) -> str:
-    """When a container was started, as Kubernetes writes times; empty when it does not run."""
+    """Return the start time of a running container as Kubernetes writes it, else an empty text."""
     states = (s.get("state") or {} for s in _statuses(pod) if s["name"] == container)
     return next((str(s["running"]["startedAt"]) for s in states if s.get("running")), "")
 
@@ -71,11 +67,11 @@ def _reasons(pod: Json) -> Iterator[str]:
         state = container.get("state") or {}
         waiting = state.get("waiting") or {}
         if waiting.get("message"):
-            told = f"{waiting.get('reason')}: {waiting['message']}"
-            yield f"waits for container {container['name']}: {told}"
+            cause = f"{waiting.get('reason')}: {waiting['message']}"
+            yield f"waits for container {container['name']}: {cause}"
         if "terminated" in state and not _has_ended(state):
-            told = state["terminated"].get("message", "")
-            yield f"cannot start container {container['name']}: {told}"
+            cause = state["terminated"].get("message", "")
+            yield f"cannot start container {container['name']}: {cause}"
     for container in _statuses(pod):
         running = "running" in (container.get("state") or {})
         if running and container["name"] in ("compat-version", FETCH, AGENT):

@@ -1,7 +1,7 @@
-"""A port of this machine that leads to the pods of a Service.
+"""Forward a port of this machine to the pods of a Service.
 
 `kubernetes.stream.portforward` serves one connection to one pod, by a thread that ends without
-closing its socket when the API server resets the connection: whoever reads from it waits for ever.
+closing its socket when the API server resets the connection, so that readers wait forever.
 """
 
 from __future__ import annotations
@@ -22,10 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 class PortForward:
-    """Passes each connection on to a pod that is ready when it is made.
-
-    When a pod goes, its connections end; who uses the port connects again.
-    """
+    """Forwards each new connection to a ready pod; connections end with their pod."""
 
     def __init__(
         self, server: Any, pods: Callable[[], Awaitable[Sequence[Pod]]], target: int | str
@@ -33,7 +30,7 @@ class PortForward:
         """
         Args:
             server: the API server, as a `Configuration` of kubernetes.aio.
-            pods: asks for the pods.
+            pods: requests the pods.
             target: their port, by number or by name.
         """
         from kubernetes.aio.stream import WsApiClient
@@ -44,12 +41,12 @@ class PortForward:
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def start(self) -> int:
-        """Listen on a free port of the loopback; returns it.
+        """Listen on a free port of the loopback interface, and return it.
 
         Raises:
             CannotRunError: no pod is ready.
         """
-        choose(await self._pods(), self._target)
+        select_pod(await self._pods(), self._target)
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
         port: int = self._server.sockets[0].getsockname()[1]
         return port
@@ -69,7 +66,7 @@ class PortForward:
 
     async def _connect(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
-            pod, port = choose(await self._pods(), self._target)
+            pod, port = select_pod(await self._pods(), self._target)
             async with await self._open(pod["metadata"], port) as socket:
                 ways = [_send(reader, socket), _receive(socket, writer)]
                 await _until_one_ends([asyncio.create_task(way) for way in ways])
@@ -86,8 +83,8 @@ class PortForward:
         return await self._client.request(method, url, headers=headers, _preload_content=False)
 
 
-def choose(pods: Sequence[Pod], target: int | str) -> tuple[Pod, int]:
-    """A pod that is ready, and the number of its port.
+def select_pod(pods: Sequence[Pod], target: int | str) -> tuple[Pod, int]:
+    """Return a ready pod and the number of its port.
 
     Raises:
         CannotRunError: there is none.

@@ -1,4 +1,4 @@
-"""The runs of a campaign on a cluster: who executes them, and what of them is stored."""
+"""The runs of a campaign on a cluster: their pods, and their stored records and logs."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ from robovast_cli.kube.store import StorePlace, open_store
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
 
-SIDE_BY_SIDE = 8
-"""Records that are read at once."""
+MAX_READERS = 8
+"""Maximum number of records that are read in parallel."""
 
 
 @dataclass(frozen=True)
 class Executor:
-    """A pod that is there for a run."""
+    """A pod that runs or will run some runs."""
 
     pod: Json
     ids: Sequence[int]
-    """Ids of the runs that the pod executes."""
+    """Ids of the runs of the pod."""
     attempt: int
 
     @property
     def runs(self) -> int:
-        """How many runs it is for."""
+        """Number of runs."""
         return len(self.ids)
 
     @property
     def name(self) -> str:
-        """Of the pod."""
+        """Name of the pod."""
         return str(self.pod["metadata"]["name"])
 
 
 class CampaignRuns:
-    """The runs of a campaign; their state is requested when it is needed."""
+    """Requests the state of the runs of a campaign."""
 
     def __init__(
         self,
@@ -64,11 +64,11 @@ class CampaignRuns:
     ) -> None:
         """
         Args:
-            kube: the cluster.
-            campaign: None when it was removed, and only its bucket is left.
-            bucket: of its results; empty before it has one.
-            place: the bucket's server.
-            stack: ends with what is opened here.
+            kube: client of the cluster.
+            campaign: None if it was deleted and only its bucket exists.
+            bucket: bucket of the results; empty if none exists.
+            place: S3 server of the bucket.
+            stack: closes the connection to the S3 server.
         """
         self._kube = kube
         self.campaign = campaign
@@ -82,36 +82,32 @@ class CampaignRuns:
 
     @cached_property
     def planned(self) -> PlannedRuns | None:
-        """The runs of the campaign; None if they are not known yet, or no longer."""
+        """The planned runs; None before they are planned, and after the Campaign was deleted."""
         if self.campaign is None:
             return None
         return planned_runs(self._kube, self.campaign, lambda: self._store)
 
     def check_accepted(self) -> None:
-        """Make sure that the campaign has runs, or will have.
-
-        Raises:
-            InputError: the operator has refused it.
-        """
+        """Raise an InputError if the operator has rejected the campaign before it planned runs."""
         campaign = self.campaign
         if campaign is not None and campaign.rejected and self.planned is None:
             why = "; ".join(campaign.messages)
             raise InputError(f"{campaign.name} was rejected, so it has no runs: {why}")
 
     def executor(self, run: str) -> Executor | None:
-        """The pod that is there for a run; None when there is none.
+        """Return the pod of a run, or None.
 
         Raises:
             InputError: the campaign has no such run.
         """
         if self.planned is None:
-            _refuse_no_folder(run)
+            _check_run_name(run)
             return None
         id_ = self.planned.id_of(run)
         return next((found for found in self.executors() if id_ in found.ids), None)
 
     def executors(self) -> Iterator[Executor]:
-        """The pods that are there for runs, the newest first."""
+        """Yield the pods of runs, the newest first."""
         if self.campaign is None or self.planned is None:
             return
         for pod in reversed(
@@ -124,7 +120,7 @@ class CampaignRuns:
                     yield Executor(pod, ids, request.attempt)
 
     def _ids_of(self, request: PackRequest, planned: PlannedRuns) -> Sequence[int]:
-        """Ids of a pod's runs; none of one that is not as the plan says."""
+        """Return the ids of a pod's runs; nothing if the pod does not match the plan."""
         try:
             return request.chosen(planned.plan, self._bad_runs)[1]
         except (IndexError, ValueError):
@@ -136,10 +132,9 @@ class CampaignRuns:
         return bad_runs(self._store, self._bucket, name)
 
     def record(self, run: str) -> RunRecord | None:
-        """The record of a run; None when it is not stored.
+        """Return the record of a run; None if it is not stored.
 
-        Without access to its storage, a campaign that has no bucket as far as its status knows
-        has stored nothing.
+        Without access to the storage, a campaign whose status names no bucket has stored nothing.
         """
         try:
             found = self._store.read(self._bucket, f"{run}/{RUN_RECORD}") if self._bucket else None
@@ -150,7 +145,7 @@ class CampaignRuns:
         return None if found is None else parse_run_record(found)
 
     def bad(self) -> list[str]:
-        """Failed and errored runs by folder: those of the index, else of the status so far."""
+        """Return the folders of failed and errored runs, from the index, else from the status."""
         if self._bucket and (self.campaign is None or self.campaign.finished):
             index = self._store.read(self._bucket, INDEX)
             if index is not None:
@@ -159,43 +154,39 @@ class CampaignRuns:
         if self.campaign is None or self.planned is None:
             return []
         status = self.campaign.status
-        return self.planned.paths_of(status.failed_runs, status.errored_runs)
+        return self.planned.find_commands(status.failed_runs, status.errored_runs)
 
-    def bad_records(self) -> Iterator[tuple[str, RunRecord | None]]:
-        """Failed and errored runs by folder, and what was stored of them."""
+    def unsuccessful_records(self) -> Iterator[tuple[str, RunRecord | None]]:
+        """Yield the folder and the stored record of each failed and errored run."""
         bad = self.bad()
-        with ThreadPoolExecutor(SIDE_BY_SIDE) as readers:
+        with ThreadPoolExecutor(MAX_READERS) as readers:
             yield from zip(bad, readers.map(self.record, bad), strict=True)
 
     def runs_of_job(self, job: str) -> int:
-        """How many runs a job was begun for; 1 if unknown."""
+        """Return the number of runs of a job; 1 if unknown."""
         found = self._store.read(self._bucket, parameters_key(job)) or b""
         return found.count(b"_output_dir:") or 1
 
     @contextmanager
     def stored_log(self, job: str, path: str) -> Iterator[Path]:
-        """A stored log of a job, brought here as long as the context lasts.
+        """Yield a temporary copy of a stored log of a job.
 
         Raises:
             InputError: there is none of this name.
         """
         prefix = f"{JOBS}/{job}/"
-        there = {o.key: o for o in self._store.objects(self._bucket, f"{prefix}{LOGS}/")}
-        if prefix + path not in there:
-            names = ", ".join(key.removeprefix(prefix) for key in there) or "none"
+        stored = {o.key: o for o in self._store.objects(self._bucket, f"{prefix}{LOGS}/")}
+        if prefix + path not in stored:
+            names = ", ".join(key.removeprefix(prefix) for key in stored) or "none"
             raise InputError(f"{job} has no stored log `{path}`; its stored logs: {names}.")
         with TemporaryDirectory() as folder:
             target = Path(folder) / "log"
-            self._store.get_file(self._bucket, there[prefix + path], target)
+            self._store.get_file(self._bucket, stored[prefix + path], target)
             yield target
 
 
-def _refuse_no_folder(run: str) -> None:
-    """Reject an invalid name of a run if the runs are unknown.
-
-    Raises:
-        InputError: it is no folder of a run.
-    """
+def _check_run_name(run: str) -> None:
+    """Raise an InputError if a text cannot be the folder of a run."""
     try:
         split_run(run)
     except ValueError:

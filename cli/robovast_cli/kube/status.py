@@ -1,4 +1,4 @@
-"""Interprets a Campaign's status for commands that wait for it."""
+"""State of a campaign, from the status of its Campaign."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from robovast.storage.bucket_names import bucket_name, campaign_id
 if TYPE_CHECKING:
     from robovast_cli.kube.api import Kubernetes
 
-BEGINNING = datetime.fromtimestamp(0, UTC)
+EPOCH = datetime.fromtimestamp(0, UTC)
 
 NAMED = 10
-"""Most campaigns that a message names."""
+"""Maximum number of campaigns that a message names."""
 OLD = 600.0
-"""Age from which the status of a campaign that is not finished is reported as old [s]."""
-_TROUBLE = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
-"""Conditions, and their status, whose message a person wants to read."""
+"""Age at which the status of an unfinished campaign is reported as old [s]."""
+_PROBLEMS = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
+"""Types and status of conditions that are problems."""
 
 
 @dataclass(frozen=True)
 class CampaignState:
-    """One Campaign as the API server has it."""
+    """State of a Campaign resource."""
 
     resource: Mapping[str, Any]
 
@@ -40,27 +40,27 @@ class CampaignState:
 
     @property
     def uid(self) -> str:
-        """Its uid."""
+        """Uid of the Campaign."""
         return str(self.resource["metadata"].get("uid", ""))
 
     @cached_property
     def status(self) -> CampaignStatus:
-        """Its status, empty before the operator has seen it."""
+        """Status; empty before the operator has written it."""
         return read_status(CampaignStatus, self.resource.get("status"))
 
     @property
     def folder(self) -> str:
-        """Name of its results folder."""
+        """Name of the results folder."""
         meta, spec = self.resource["metadata"], self.resource["spec"]
-        created = _time(meta.get("creationTimestamp")) or BEGINNING
+        created = _time(meta.get("creationTimestamp")) or EPOCH
         document = (spec.get("vast") or {}).get("metadata")
         return self.status.campaign or campaign_id(document, self.name, created)
 
     @property
     def bucket(self) -> str:
-        """Its bucket, which may not exist yet; empty if no run was ever planned.
+        """Name of the bucket, which may not exist yet; empty if the Campaign was rejected.
 
-        The status may be lost or old; the name then follows from the Campaign.
+        If the status is lost or old, the name is derived from the Campaign.
         """
         if self.status.bucket or self.rejected:
             return self.status.bucket
@@ -68,44 +68,44 @@ class CampaignState:
 
     @cached_property
     def storage(self) -> Storage:
-        """Location of its results."""
+        """Location of the results."""
         return Storage.model_validate(self.resource["spec"].get("storage") or {})
 
     @cached_property
     def scheduling(self) -> Scheduling:
-        """Scheduling of its pods."""
+        """Scheduling of the pods."""
         return Scheduling.model_validate(self.resource["spec"].get("scheduling") or {})
 
     @property
     def attempt(self) -> int:
-        """Most executions of bad runs."""
+        """Maximum number of attempts for unsuccessful runs."""
         return int(self.resource["spec"].get("attempt") or 1)
 
     @property
     def suspended(self) -> bool:
-        """True when it is stopped."""
+        """Whether the campaign is stopped."""
         return bool(self.resource["spec"].get("suspend"))
 
     @property
     def is_current(self) -> bool:
-        """True when the status is about the spec as it is now."""
+        """Whether the status describes the current spec."""
         generation = int(self.resource["metadata"].get("generation", 0))
         return self.status.observed_generation >= generation
 
     @property
     def finished(self) -> bool:
-        """True when nothing more will happen by itself."""
+        """Whether the campaign has ended."""
         return self.is_current and self.status.state in {"Finished", "Failed", "Rejected"}
 
     @property
     def complete(self) -> bool:
-        """True when nothing more will be stored: of one that failed, what it has is collected."""
+        """Whether all results are stored; the results of a failed campaign are collected first."""
         aborted = self.status.state == "Failed" and not self.rejected
         return self.finished and (self._is("ResultsAvailable", "True") or not aborted)
 
     @property
     def rejected(self) -> bool:
-        """True when the operator cannot execute it as it is."""
+        """Whether the operator has rejected the Campaign."""
         return self._is("Accepted", "False")
 
     @property
@@ -115,21 +115,21 @@ class CampaignState:
 
     @property
     def messages(self) -> list[str]:
-        """Its problems, without duplicates."""
-        found = (c for c in self.status.conditions if _TROUBLE.get(c.type) == c.status)
-        waiting = (c for c in self.status.conditions if _waits(c))
+        """Problems of the campaign, without duplicates."""
+        found = (c for c in self.status.conditions if _PROBLEMS.get(c.type) == c.status)
+        waiting = (c for c in self.status.conditions if _is_queued(c))
         shown = [*found, *(() if self.finished else waiting)]
-        told = [printable(c.message or c.reason) for c in shown]
+        texts = [printable(c.message or c.reason) for c in shown]
         if self.is_old(moment := now()):
             minutes = (self.age(moment) or 0) // OLD * OLD / 60
-            told.append(
+            texts.append(
                 f"The status is more than {minutes:.0f} min old. If runs take less time, check "
                 "that the operator is running."
             )
-        return list(dict.fromkeys(told))
+        return list(dict.fromkeys(texts))
 
     def age(self, now: datetime) -> float | None:
-        """Time since its status was written [s]; None if unknown, or if nothing is expected."""
+        """Return the time since the status was written [s]; None if unknown or not expected."""
         if self.finished or self.suspended or self.status.state == "Queued":
             return None
         meta = self.resource["metadata"]
@@ -142,19 +142,19 @@ class CampaignState:
         return None if written is None else max(0.0, (now - written).total_seconds())
 
     def is_old(self, now: datetime) -> bool:
-        """True when its status is older than usual."""
+        """Return whether the status is older than usual."""
         age = self.age(now)
         return age is not None and age >= OLD
 
     @property
     def exit_code(self) -> ExitCode:
-        """Exit code of a command that waited for its end, as for a local campaign."""
+        """Exit code of a command that waited for the campaign, as for a local campaign."""
         runs = self.status.runs
         if self.rejected:
             return ExitCode.BAD_INPUT
-        if self._given_up_before_any_run:
+        if self._failed_before_first_run:
             return ExitCode.CANNOT_RUN
-        if self.status.search is not None:  # failed runs are what it looks for
+        if self.status.search is not None:  # a search looks for failed runs
             return ExitCode.OK if self._is("Passed", "True") else ExitCode.RUN_ERRORED
         if runs.failed:
             return ExitCode.TEST_FAILED
@@ -165,8 +165,8 @@ class CampaignState:
         return ExitCode.OK if self.done >= runs.needed else ExitCode.RUN_ERRORED
 
     @property
-    def _given_up_before_any_run(self) -> bool:
-        """True when no run could start, such as those of an incompatible image."""
+    def _failed_before_first_run(self) -> bool:
+        """Whether no run could start, for example because of an incompatible image."""
         return self._is("Succeeded", "False") and not self.status.runs.stored
 
     def counts(self) -> str:
@@ -175,11 +175,11 @@ class CampaignState:
         numbers = {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored}
         parts = [f"{count} {word}" for word, count in numbers.items() if count]
         text = f"{self.done} of {runs.needed} done" + (f": {', '.join(parts)}" if parts else "")
-        parts = [self.spared(), ", ".join(self.pods()), self.search_counts()]
+        parts = [self.not_needed(), ", ".join(self.pods()), self.search_counts()]
         return "; ".join([text, *filter(None, parts)])
 
-    def spared(self) -> str:
-        """`40 not needed`: runs that are not executed, since others have decided."""
+    def not_needed(self) -> str:
+        """Return `40 not needed`: runs that are skipped because other runs have decided."""
         number = self.status.runs.not_needed
         return f"{number:,} not needed" if number else ""
 
@@ -192,13 +192,13 @@ class CampaignState:
         return printable(" | ".join(filter(None, [search.criteria, best])))
 
     def pods(self) -> list[str]:
-        """`4 running`, `2 waiting`: pods of runs that are there now."""
+        """Return the numbers of pods: `4 running`, `2 waiting`."""
         runs = self.status.runs
         numbers = {"running": runs.active, "waiting": runs.waiting}
         return [f"{n} {word}" for word, n in numbers.items() if n and not self.finished]
 
     def elapsed(self, now: datetime) -> float | None:
-        """Time since its first Job, until its end [s]; None before."""
+        """Return the time from the first Job to now or to the end [s]; None before."""
         start = _time(self.status.start_time)
         if start is None:
             return None
@@ -206,16 +206,16 @@ class CampaignState:
         return max(0.0, ((end or now) - start).total_seconds())
 
     def left(self, now: datetime) -> float | None:
-        """Estimated time until its end [s]; None if unknown."""
+        """Return the estimated remaining time [s]; None if unknown."""
         elapsed = self.elapsed(now)
         if elapsed is None or self.finished or self.suspended or not self.done:
             return None
-        if self.is_old(now) or self.status.search is not None:  # its further proposals are unknown
+        if self.is_old(now) or self.status.search is not None:  # its next batches are unknown
             return None
         return elapsed / self.done * (self.status.runs.needed - self.done)
 
     def summary(self) -> Iterator[str]:
-        """Its result: problems, bad runs, counts."""
+        """Yield the result in lines: problems, unsuccessful runs, counts."""
         yield from self.messages
         runs, search = self.status.runs, self.status.search
         if search is not None:
@@ -237,7 +237,7 @@ class CampaignState:
 
 
 def _found(search: SearchStatus) -> Iterator[str]:
-    """Why a search ended, and its best value; failed runs are what it looks for."""
+    """Yield the reason why a search stopped, and its best value."""
     if search.stop_reason:
         yield f"The search stopped: {printable(search.stop_reason)}."
     if search.best:
@@ -250,7 +250,7 @@ def campaign_states(kube: Kubernetes) -> list[CampaignState]:
 
 
 def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
-    """The campaign of a name, or of the name of its results folder; None when there is none.
+    """Return the campaign with this name, results folder or bucket, or None.
 
     Raises:
         InputError: results folders of several have that name.
@@ -266,7 +266,7 @@ def lookup(known: Iterable[CampaignState], name: str) -> CampaignState | None:
 
 
 def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> CampaignState:
-    """The campaign of a name, or of the name of its results folder.
+    """Return the campaign with this name, results folder or bucket.
 
     Raises:
         InputError: there is none.
@@ -275,21 +275,21 @@ def find_campaign(known: Sequence[CampaignState], name: str, namespace: str) -> 
     if found is None:
         raise InputError(
             f"there is no campaign `{name}` in the namespace {namespace}; it has "
-            f"{some_names(known)}.",
+            f"{list_names(known)}.",
             hint="name a campaign, or select another namespace with `--namespace`",
         )
     return found
 
 
-def some_names(known: Sequence[CampaignState]) -> str:
-    """Names of campaigns for a message, of many those of the newest."""
+def list_names(known: Sequence[CampaignState]) -> str:
+    """Return the names of the newest campaigns for a message."""
     names = [campaign.name for campaign in known[-NAMED:]]
     others = len(known) - len(names)
     more = f"and {others} older ones (`vast exec cluster monitor --once`)"
     return ", ".join([*names, *([more] if others else [])]) or "none"
 
 
-def _waits(condition: Condition) -> bool:
+def _is_queued(condition: Condition) -> bool:
     return condition.type == "QuotaReserved" and condition.status == "False"
 
 
@@ -298,5 +298,5 @@ def _time(text: str | None) -> datetime | None:
 
 
 def now() -> datetime:
-    """The time."""
+    """Return the current time."""
     return datetime.now(UTC)

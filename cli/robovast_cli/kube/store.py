@@ -1,4 +1,4 @@
-"""The S3 server of a cluster, reached from this machine."""
+"""Connect from this machine to the S3 server of a cluster, or of the environment."""
 
 from __future__ import annotations
 
@@ -15,43 +15,61 @@ from robovast.base.errors import CannotRunError, StorageError
 from robovast.base.optional_deps import CLUSTER
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast_cli.kube.api import Json, Kubernetes
-from robovast_cli.kube.given_store import ACCESS_KEY, CONNECTIONS, ENDPOINT, SECRET_KEY
 from robovast_cli.kube.status import CampaignState
 
 if TYPE_CHECKING:
     from robovast.storage.s3 import ObjectStore
 
 
+ENDPOINT = "ROBOVAST_S3_ENDPOINT"
+ACCESS_KEY = "ROBOVAST_S3_ACCESS_KEY"
+SECRET_KEY = "ROBOVAST_S3_SECRET_KEY"  # noqa: S105 - the name of a variable
+
+CONNECTIONS = 16
+
+
 @dataclass(frozen=True)
 class StorePlace:
-    """An S3 server and the Secret with the keys of an account on it."""
+    """An S3 server, and the Secret with the keys of an account."""
 
     endpoint: str
-    """URL as pods reach it."""
+    """URL for pods."""
     region: str | None = None
     secret: str = CREDENTIALS_SECRET
 
 
+def store_from_environment() -> ObjectStore | None:
+    """Return the store whose address and keys are in the environment, or None."""
+    address, *keys = (os.environ.get(name, "") for name in (ENDPOINT, ACCESS_KEY, SECRET_KEY))
+    if not address or not all(keys):
+        return None
+    with CLUSTER.needed_by("Access to a cluster"):
+        from robovast.storage.endpoint import Credentials, Endpoint
+        from robovast.storage.s3 import ObjectStore
+
+    credentials = Credentials(*keys)
+    return ObjectStore(
+        Endpoint.parse(address), credentials, patience=REPEATABLE, connections=CONNECTIONS
+    )
+
+
 def place_of(campaign: CampaignState) -> StorePlace:
-    """Location of a campaign's results."""
+    """Return the location of a campaign's results."""
     storage = campaign.storage
     endpoint = campaign.status.endpoint or storage.endpoint or ""
     return StorePlace(endpoint, storage.region, storage.secret_name)
 
 
 def installed_place(kube: Kubernetes, known: Sequence[CampaignState]) -> StorePlace:
-    """The store of campaigns that name none: as the Secret notes it, else as a campaign has it.
-
-    Its endpoint is empty if it is unknown.
-    """
-    noted = _noted(kube, CREDENTIALS_SECRET)
-    seen = (campaign.status.endpoint for campaign in reversed(known))
-    endpoint = os.environ.get(ENDPOINT) or noted.endpoint or next(filter(None, seen), "")
+    """Return the default store, from the Secret, else of a campaign; the endpoint may be empty."""
+    noted = _read_place(kube, CREDENTIALS_SECRET)
+    endpoints = (campaign.status.endpoint for campaign in reversed(known))
+    endpoint = os.environ.get(ENDPOINT) or noted.endpoint or next(filter(None, endpoints), "")
     return StorePlace(endpoint, noted.region)
 
 
-def _noted(kube: Kubernetes, secret: str) -> StorePlace:
-    """The store as a Secret notes it; without an endpoint if that cannot be read."""
+def _read_place(kube: Kubernetes, secret: str) -> StorePlace:
+    """Return the store that a Secret describes; without an endpoint if it cannot be read."""
     try:
         data = (kube.secret(secret) or {}).get("data") or {}
     except CannotRunError:
@@ -64,9 +82,9 @@ def _noted(kube: Kubernetes, secret: str) -> StorePlace:
 
 @contextmanager
 def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
-    """A store as long as the context lasts.
+    """Yield a client of a store.
 
-    `$ROBOVAST_S3_ENDPOINT` stands for an address that only pods know; without it, a Service of
+    `$ROBOVAST_S3_ENDPOINT` replaces an address that only pods can reach. Without it, a Service of
     the cluster is reached by port forwarding. Keys come from `$ROBOVAST_S3_ACCESS_KEY` and
     `$ROBOVAST_S3_SECRET_KEY`, else from the Secret.
 
@@ -78,15 +96,15 @@ def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
         from robovast.storage.endpoint import Credentials, Endpoint
         from robovast.storage.s3 import ObjectStore
     credentials = Credentials(*_keys(kube, place.secret))
-    if not place.endpoint:  # of a Campaign whose status is missing
-        place = _noted(kube, place.secret)
+    if not place.endpoint:  # the status of the Campaign is missing
+        place = _read_place(kube, place.secret)
     with reachable(kube, os.environ.get(ENDPOINT) or place.endpoint) as address:
         endpoint = Endpoint.parse(address, place.region)
         yield ObjectStore(endpoint, credentials, patience=REPEATABLE, connections=CONNECTIONS)
 
 
 def cluster_service(endpoint: str) -> tuple[str, str, int] | None:
-    """Name, namespace and port when an endpoint is a Service of the cluster, else None."""
+    """Return name, namespace and port if an endpoint is a Service of the cluster, else None."""
     parts = urlsplit(endpoint)
     labels = (parts.hostname or "").split(".")
     if len(labels) < 3 or labels[2] != "svc":
@@ -124,7 +142,7 @@ def _decoded(value: str) -> str:
 
 @contextmanager
 def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
-    """The address of an endpoint for this machine: a Service's is that of a forwarded port.
+    """Yield the address of an endpoint for this machine; the port of a Service is forwarded.
 
     Raises:
         StorageError: the endpoint is empty.

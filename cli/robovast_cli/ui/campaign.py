@@ -33,7 +33,7 @@ from robovast_cli.workspace import shown
 
 MOST_LISTED = 20
 """Causes that the summary names at most."""
-_LACKS = "No module named"
+_NO_MODULE = "No module named"
 _NAME_ANOTHER = (
     f"In each terminal, set {VARIABLE} to an environment with this module, "
     f"for example for ROS: export {VARIABLE}=$(scripts/ros-environment)"
@@ -45,7 +45,7 @@ def start(document: Document, output: Path, options: LocalOptions) -> ExitCode:
     return _watch(lambda view: execute_document(document, output, options, view))
 
 
-def refuse_document(out: Path | None) -> None:
+def reject_vast_file(out: Path | None) -> None:
     """Reject a .vast file in place of the results folder.
 
     Raises:
@@ -159,13 +159,13 @@ def _causes(summary: ExecutionSummary) -> Iterator[str]:
         verdicts = _verdicts(record for group in rest for record in group.runs)
         yield f"… and {len(rest)} more causes: {', '.join(verdicts)}."
     yield from [""] if groups else []
-    yield from _lacking(summary)
+    yield from _missing_module(summary)
 
 
-def _lacking(summary: ExecutionSummary) -> Iterator[str]:
+def _missing_module(summary: ExecutionSummary) -> Iterator[str]:
     """Yield the remedy if a local process lacks a Python module."""
     for record in summary.records:
-        if record.runtime == "process" and _LACKS in record.reason:
+        if record.runtime == "process" and _NO_MODULE in record.reason:
             yield f"Local processes have only the modules of {record.image}. {_NAME_ANOTHER}"
             yield ""
             return

@@ -1,4 +1,4 @@
-"""Campaigns on a cluster while they run: in place on a terminal, as lines elsewhere."""
+"""Views of running campaigns on a cluster: updated on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import format_table
 
 STEPS = 100
-"""Into how many parts a campaign is divided: a line is printed for each at most."""
+"""Maximum number of lines for the progress of a campaign."""
 
 
 class ClusterView(Protocol):
-    """Shows campaigns."""
+    """View of campaigns."""
 
     def update(self, campaigns: Sequence[CampaignState]) -> None:
-        """Show how they are now."""
+        """Show the current state."""
 
 
 def follow_view() -> AbstractContextManager[ClusterView]:
-    """A live view on a terminal, lines elsewhere."""
+    """Return a live view on a terminal, lines elsewhere."""
     return LiveCampaigns() if is_live(sys.stdout) else CampaignLines()
 
 
 class CampaignLines:
-    """Prints a line when something has changed that is worth one."""
+    """Prints a line when the state, the counts or the problems of a campaign change."""
 
     def __init__(self) -> None:
-        self._said: dict[str, object] = {}
+        self._printed: dict[str, object] = {}
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *how: object) -> None:
-        """Nothing to end."""
+        """Do nothing."""
 
     def update(self, campaigns: Sequence[CampaignState]) -> None:
         """Print changes."""
@@ -48,13 +48,13 @@ class CampaignLines:
             step = campaign.done * STEPS // max(runs.needed, 1)
             bad = runs.failed + runs.errored
             mark = (campaign.status.state, step, min(bad, STEPS), runs.needed, *campaign.messages)
-            if self._said.get(campaign.name) != mark:
-                self._said[campaign.name] = mark
+            if self._printed.get(campaign.name) != mark:
+                self._printed[campaign.name] = mark
                 echo(line(campaign))
 
 
 def line(campaign: CampaignState) -> str:
-    """A campaign in one line, what hinders it below."""
+    """Return a campaign in one line, with its problems below."""
     left = campaign.left(now())
     rest = f", about {clock_time(left)} left" if left else ""
     text = f"{campaign.name}  {campaign.status.state}  {campaign.counts()}{rest}"
@@ -62,7 +62,7 @@ def line(campaign: CampaignState) -> str:
 
 
 def table(campaigns: Sequence[CampaignState]) -> str:
-    """Campaigns as a table."""
+    """Return a table of campaigns."""
     columns = [
         "CAMPAIGN",
         "STATE",
@@ -80,8 +80,8 @@ def table(campaigns: Sequence[CampaignState]) -> str:
 
 
 def _found(campaign: CampaignState) -> list[str]:
-    told = [campaign.search_counts(), printable(campaign.status.decisions) or campaign.spared()]
-    return [found for found in told if found]
+    decisions = printable(campaign.status.decisions) or campaign.not_needed()
+    return list(filter(None, [campaign.search_counts(), decisions]))
 
 
 def _cells(campaign: CampaignState) -> list[str]:
@@ -100,14 +100,14 @@ def _cells(campaign: CampaignState) -> list[str]:
 
 
 class LiveCampaigns(LiveView):
-    """A bar for each campaign, renewed in place."""
+    """Shows a bar for each campaign."""
 
     def __init__(self) -> None:
         self._campaigns: Sequence[CampaignState] = ()
         super().__init__(lambda: [_standing(campaign) for campaign in self._campaigns])
 
     def update(self, campaigns: Sequence[CampaignState]) -> None:
-        """Show them from now on."""
+        """Show these campaigns."""
         self._campaigns = campaigns
 
 

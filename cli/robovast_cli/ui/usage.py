@@ -47,7 +47,7 @@ def explain_usage_errors() -> Iterator[None]:
     except typer.TyperException as error:
         if type(error).__name__ == "NoArgsIsHelpError":
             raise  # its message is the help of the command
-        message, hint = _explained(error)
+        message, hint = _as_cli_error(error)
         ctx = getattr(error, "ctx", None)
         usage = f"{ctx.get_usage()}\n\n" if ctx else ""
         help_option = f"run `{ctx.command_path} --help`" if ctx else ""
@@ -55,7 +55,7 @@ def explain_usage_errors() -> Iterator[None]:
         raise typer.Exit(error.exit_code) from None
 
 
-def _explained(error: Any) -> tuple[str, str]:
+def _as_cli_error(error: Any) -> tuple[str, str]:
     """The message of an error and its hint, which may be empty."""
     details: list[Any] = getattr(error.__cause__, "errors", list)()
     if details and isinstance(error, typer.BadParameter):
@@ -86,7 +86,7 @@ def _lowered(text: str) -> str:
     return text[:1].lower() + text[1:] if text[1:2].islower() else text
 
 
-def name_values(command: Any) -> Any:
+def name_parameters(command: Any) -> Any:
     """The command, whose help names values, arguments and defaults in our words, not Typer's."""
     for param in command.params:
         param.get_help_record = partial(_help_record, param.get_help_record)
@@ -97,7 +97,7 @@ def name_values(command: Any) -> Any:
             kind = param.type_descriptor.annotation
             param.metavar = _KINDS.get(getattr(kind, "__name__", ""))
     for child in getattr(command, "commands", {}).values():
-        name_values(child)
+        name_parameters(child)
     return command
 
 
@@ -115,13 +115,13 @@ def _normalized(_ctx: object, _param: object, value: Any) -> Any:
     return normalized(value) if isinstance(value, Path) else value
 
 
-def refuse_contexts(command: Any) -> Any:
+def reject_second_context(command: Any) -> Any:
     """Return the command, which rejects a second `--context`, since it uses one cluster."""
     for param in command.params:
         if param.name == "context":
             command.parse_args = _single(command, param)
     for child in getattr(command, "commands", {}).values():
-        refuse_contexts(child)
+        reject_second_context(child)
     return command
 
 

@@ -20,8 +20,8 @@ from robovast_cli.kube.api_errors import (
     UnreachableError,
     refusal,
 )
-from robovast_cli.kube.kubeconfig import choose as choose_context
-from robovast_cli.kube.port_forward import choose
+from robovast_cli.kube.kubeconfig import select_context
+from robovast_cli.kube.port_forward import select_pod
 from robovast_cli.kube.store import cluster_service
 
 WHERE = "the API server"
@@ -57,11 +57,11 @@ def test_connections_go_to_a_pod_that_is_ready_and_stays() -> None:
     going = pod("going", "True", deletionTimestamp="2026-01-01T00:00:00Z")
     pods = [pod("slow", "False"), going, pod("good", "True")]
     for target in ("s3", 9000):
-        chosen, port = choose(pods, target)
+        chosen, port = select_pod(pods, target)
         assert (chosen["metadata"]["name"], port) == ("good", 9000)
     for left, target in ((pods[:2], 9000), (pods, "other")):
         with pytest.raises(CannotRunError, match="ready"):
-            choose(left, target)
+            select_pod(left, target)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_several_kubeconfigs_count_together(
     write_config(tmp_path / "b", "lab", lab="tests", home="shadowed")
     paths = [tmp_path / name for name in ("a", "missing", "b")]
     monkeypatch.setenv("KUBECONFIG", os.pathsep.join(map(str, paths)))
-    assert choose_context(context, namespace) == chosen
+    assert select_context(context, namespace) == chosen
 
 
 def test_a_context_that_is_not_there_is_named(
@@ -149,7 +149,7 @@ def test_a_context_that_is_not_there_is_named(
     with pytest.raises(
         CannotRunError, match=r"context `other` does not exist in your kubeconfig.* has home\."
     ):
-        choose_context("other", None)
+        select_context("other", None)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_a_broken_kubeconfig_is_named(
     (tmp_path / "broken").write_bytes(content)
     monkeypatch.setenv("KUBECONFIG", str(tmp_path / "broken"))
     with pytest.raises(InputError, match=message):
-        choose_context(None, None)
+        select_context(None, None)
 
 
 def test_a_server_without_tls_is_told_from_one_that_refuses(

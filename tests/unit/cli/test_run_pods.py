@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robovast.base.errors import InputError
-from robovast_cli.kube.pods import has_begun, is_live, is_prepared, waiting_reason
+from robovast_cli.kube.pods import has_started, is_live, is_prepared, waiting_reason
 from robovast_cli.kube.runs import CampaignRuns
 from robovast_cli.kube.store import StorePlace
 
@@ -66,9 +66,9 @@ def test_no_other_pod_is_said_to_be_in_preparation(pod: Any) -> None:
 def test_a_container_that_cannot_be_started_has_no_log_and_the_pod_says_why() -> None:
     refused = {"terminated": {"reason": "StartError", "message": "memory limit too low"}}
     found = pod(True, RUNNING, refused, compat_version=DONE)
-    assert not has_begun(found, "robovast")
+    assert not has_started(found, "robovast")
     assert waiting_reason(found).endswith("cannot start container robovast: memory limit too low")
-    assert has_begun(pod(True, RUNNING, DONE), "robovast")
+    assert has_started(pod(True, RUNNING, DONE), "robovast")
 
 
 @pytest.mark.parametrize(

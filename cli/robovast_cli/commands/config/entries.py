@@ -107,7 +107,7 @@ def import_configs(
     target: Path = ctx.obj.path
     document = load_document(target)
     given = _read_entries(source, read_scenario(document.scenario))
-    _refuse_known(document, given)
+    _reject_existing_names(document, given)
     entries = [entry for entry in given if _is_usable(document, entry, source)]
     if not entries:
         raise InputError(
@@ -115,7 +115,7 @@ def import_configs(
             hint="use an entry with parameters that exist in both files",
         )
     text = append_entries(read_content(target).decode(), entries, target)
-    _refuse_created(check_source(Source(target, text)), source)
+    _reject_generated_names(check_source(Source(target, text)), source)
     with writing(target):
         mode = target.stat().st_mode
         write_atomically(target.resolve(), text)
@@ -123,7 +123,7 @@ def import_configs(
     typer.echo(f"Added {counted(len(entries), 'configuration')} to {shown(target)}.")
 
 
-def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
+def _reject_existing_names(document: Document, entries: Sequence[Any]) -> None:
     known = {entry.name for entry in document.vast.configuration or ()}
     names = [entry.get("name") for entry in entries if isinstance(entry, dict)]
     there = [name for name in names if name in known]
@@ -134,7 +134,7 @@ def _refuse_known(document: Document, entries: Sequence[Any]) -> None:
         )
 
 
-def _refuse_created(document: Document, source: Path) -> None:
+def _reject_generated_names(document: Document, source: Path) -> None:
     """Refuse names that variations of the document create already."""
     try:
         with expanded_variants(document):
@@ -169,15 +169,15 @@ def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:
     root = next(compose_yaml(text), None)
     pairs = root.value if isinstance(root, yaml.MappingNode) else []
     found = next((value for key, value in pairs if key.value == "configuration"), None)
-    _refuse_brackets(root, file)
-    _refuse_brackets(found, file)
+    _reject_flow_style(root, file)
+    _reject_flow_style(found, file)
     if not isinstance(found, yaml.SequenceNode):
         return _with_section(text, entries, found)
     position = _end_of_line(text, _last_mark(found).index)
     return _inserted(text, position, _indented(dump_yaml(entries), found.start_mark.column))
 
 
-def _refuse_brackets(node: yaml.Node | None, file: Path) -> None:
+def _reject_flow_style(node: yaml.Node | None, file: Path) -> None:
     if isinstance(node, yaml.CollectionNode) and node.flow_style:
         mark = node.start_mark
         raise InputError(

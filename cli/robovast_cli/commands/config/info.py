@@ -75,17 +75,17 @@ def check(ctx: typer.Context) -> None:
     for difference in differences(document):
         typer.echo(f"differs from the original RoboVAST: {difference}", err=True)
     errors: list[RobovastError] = []
-    with _noted(errors):
+    with _read_place(errors):
         _check_resources(document)
-    with _noted(errors):
+    with _read_place(errors):
         check_gpus(document)
-    with _noted(errors):
+    with _read_place(errors):
         check_syntax(document.scenario)
-    with _noted(errors):
+    with _read_place(errors):
         count = _count(document)
     if errors:
         for entry in document.vast.configuration or ():
-            with _noted(errors):
+            with _read_place(errors):
                 _count(_alone(document, entry))
         _raise_all(errors)
     warnings = f", {counted(len(document.warnings), 'warning')}" if document.warnings else ""
@@ -93,7 +93,7 @@ def check(ctx: typer.Context) -> None:
 
 
 @contextmanager
-def _noted(errors: list[RobovastError]) -> Iterator[None]:
+def _read_place(errors: list[RobovastError]) -> Iterator[None]:
     """Add an error to a list, unless it has stopped growing or has that error already."""
     try:
         yield
@@ -125,14 +125,14 @@ def _check_resources(document: Document) -> None:
     execution, source = document.vast.execution, document.source
     problems = [
         source.problem(("execution", *path), said)
-        for path, value, parse in _amounts(execution)
-        for said in _wrong_amounts(value, parse)
+        for path, value, parse in _quantities(execution)
+        for said in _invalid_quantities(value, parse)
     ]
     if problems:
         raise DocumentError(problems)
 
 
-def _amounts(execution: Execution) -> Iterator[tuple[KeyPath, Any, Callable[[Any], float]]]:
+def _quantities(execution: Execution) -> Iterator[tuple[KeyPath, Any, Callable[[Any], float]]]:
     """The amounts that the section names: place, value, how it is read."""
     containers: dict[KeyPath, Resources] = {("resources",): execution.resources}
     for number, container in enumerate(execution.secondary_containers):
@@ -146,7 +146,7 @@ def _amounts(execution: Execution) -> Iterator[tuple[KeyPath, Any, Callable[[Any
     yield ("kubernetes", "ephemeral_storage"), disk, parse_disk
 
 
-def _wrong_amounts(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:
+def _invalid_quantities(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:
     """What is wrong with an amount, or with those for each context."""
     items = value if isinstance(value, list) else [{LOCAL_CONTEXT: value}]
     for amount in (amount for item in items for amount in item.values() if amount is not None):
@@ -205,7 +205,9 @@ def _facts(document: Document) -> Iterator[tuple[str, str]]:
 def _entries(document: Document, variants: Sequence[Variant]) -> str:
     counts = Counter(variant.entry for variant in variants)
     runs = document.vast.execution.most_runs
-    entries = {entry.name: _made_of(entry) for entry in document.vast.configuration or []}
+    entries = {
+        entry.name: _describe_variations(entry) for entry in document.vast.configuration or []
+    }
     rows = [
         [name, entries.get(name, "scenario defaults"), str(count), str(count * runs)]
         for name, count in counts.items()
@@ -214,7 +216,7 @@ def _entries(document: Document, variants: Sequence[Variant]) -> str:
     return format_table(["ENTRY", "VARIATIONS", "CONFIGURATIONS", "RUNS"], rows)
 
 
-def _made_of(entry: ConfigurationEntry) -> str:
+def _describe_variations(entry: ConfigurationEntry) -> str:
     if entry.variations:
         product = " * ".join(call.name for call in entry.variations)
         return f"{product}, {entry.design.kind}" if entry.design else product

@@ -12,7 +12,7 @@ import typer
 
 from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import GUI
-from robovast_cli.commands.results.buckets import Bucket, Context, Namespace
+from robovast_cli.commands.results.buckets import Bucket, Context, Namespace, open_campaigns
 from robovast_cli.commands.results.options import ResultsDir
 from robovast_cli.lazy import examples
 from robovast_cli.ui.output import echo
@@ -144,9 +144,8 @@ def _show_bucket(
 ) -> None:
     from robovast.evaluation.bucket_library import BucketLibrary, StoredCampaign
     from robovast.evaluation.server.launches import Starting
-    from robovast_cli.commands.results.buckets import opened
 
-    with opened([name], context, namespace) as (found,):
+    with open_campaigns([name], context, namespace) as (found,):
         campaign = StoredCampaign(found.store, found.bucket, found.campaign, found.tables())
         library = BucketLibrary(campaign, found.scratch / "page")
 

@@ -158,7 +158,7 @@ def run(
         log_tree=log_tree,
         debug=debug,
     )
-    campaign.refuse_document(out or output)
+    campaign.reject_vast_file(out or output)
     if start_only:
         from robovast.execution.local import open_shell
 

@@ -1,4 +1,4 @@
-"""Queries of campaigns in object storage, without a download."""
+"""Open campaigns in object storage for queries, without a download."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robovast.base.errors import InputError
+from robovast.storage.bucket_ownership import find_bucket, is_owned
+from robovast_cli.kube.api import connect
+from robovast_cli.kube.results import named_results
+from robovast_cli.kube.status import campaign_states
+from robovast_cli.kube.store import StorePlace, open_store, store_from_environment
 
 if TYPE_CHECKING:
     from robovast.analysis.tables.stored import StoredTables
     from robovast.storage.s3 import ObjectStore
-    from robovast_cli.kube.store import StorePlace
 
 BUCKET_HELP = (
     "Campaign to read in the object storage, without a download: name of the campaign, of its "
@@ -50,28 +54,28 @@ Namespace = Annotated[
 
 @dataclass(frozen=True)
 class InBucket:
-    """A campaign in an S3 server that is reached."""
+    """A campaign in a bucket of an S3 server."""
 
     store: ObjectStore
     bucket: str
     campaign: str
     """Name of the results folder."""
     scratch: Path
-    """Folder for what must be copied; removed at the end."""
+    """Temporary folder for copied files."""
 
     def tables(self) -> StoredTables:
-        """Its tables; see `tables_in`."""
+        """Return the tables of the campaign; see `tables_in`."""
         from robovast.analysis.tables.in_bucket import tables_in
 
         return tables_in(self.store, self.bucket, self.campaign)
 
     def has(self, folder: str) -> bool:
-        """Whether a folder of it holds anything."""
+        """Return whether a folder of the campaign has files."""
         found = self.store.objects(self.bucket, f"{folder}/")
         return next(iter(found), None) is not None
 
-    def bring(self, key: str) -> Path:
-        """Download one file; return the campaign's folder, in which it is if it is stored."""
+    def fetch(self, key: str) -> Path:
+        """Download one file, if it is stored, and return the local folder of the campaign."""
         folder = self.scratch / self.campaign
         item = self.store.find(self.bucket, key)
         if item is not None:
@@ -80,23 +84,19 @@ class InBucket:
 
 
 @contextmanager
-def opened(
+def open_campaigns(
     names: Sequence[str], context: str | None, namespace: str | None
 ) -> Iterator[list[InBucket]]:
-    """Campaigns by name, as long as the context lasts.
+    """Yield campaigns by name.
 
-    No cluster is needed where the environment names the S3 server and its keys.
+    If the environment names the S3 server and its keys, no cluster is needed.
 
     Raises:
         InputError: there is no campaign of a name, or several.
         CannotRunError: the extra `cluster` is not installed, or the cluster cannot be reached.
         StorageError: the S3 server cannot be read.
     """
-    from robovast.base.optional_deps import CLUSTER
-    from robovast_cli.kube.given_store import given_store
-
-    with CLUSTER.needed_by("Access to a cluster"):
-        store = None if context or namespace else given_store()
+    store = None if context or namespace else store_from_environment()
     with ExitStack() as stack:
         scratch = Path(stack.enter_context(TemporaryDirectory(prefix="robovast-bucket-")))
         if store is not None:
@@ -106,8 +106,6 @@ def opened(
 
 
 def _by_name(store: ObjectStore, names: Sequence[str], scratch: Path) -> list[InBucket]:
-    from robovast.storage.bucket_ownership import find_bucket
-
     found = []
     for name in names:
         place = find_bucket(store, name)
@@ -129,15 +127,6 @@ def _by_cluster(
     scratch: Path,
     stack: ExitStack,
 ) -> list[InBucket]:
-    from robovast.base.optional_deps import CLUSTER
-
-    with CLUSTER.needed_by("Access to a cluster"):
-        from robovast.storage.bucket_ownership import is_owned
-        from robovast_cli.kube.api import connect
-        from robovast_cli.kube.results import named_results
-        from robovast_cli.kube.status import campaign_states
-        from robovast_cli.kube.store import open_store
-
     kube = stack.enter_context(connect(context, namespace))
     known = campaign_states(kube)
     stores: dict[StorePlace, ObjectStore] = {}

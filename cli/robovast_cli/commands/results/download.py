@@ -95,6 +95,7 @@ def download(
     if source == "share" or (not cluster_is_meant and _has_share()):
         _download_shared(names, output, force=force, keep_archive=keep_archive)
         return
+    CLUSTER.require("Access to a cluster")
     try:
         _download_campaigns(context, namespace, names, output, force=force)
     except CannotRunError as error:
@@ -197,8 +198,7 @@ def _download_results(
     kube: Kubernetes, results: Results, output: Path, *, force: bool = False, run: str | None = None
 ) -> Path:
     """Download a campaign, or one of its runs; return the folder of the campaign."""
-    with CLUSTER.needed_by("Access to a cluster"):
-        from robovast.storage.download import download_campaign
+    from robovast.storage.download import download_campaign
 
     with open_store(kube, results.place) as store:
         if results.campaign is not None:

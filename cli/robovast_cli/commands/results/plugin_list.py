@@ -17,7 +17,7 @@ _ARGUMENTS = re.compile(r"^Args:\n(?P<items>(?: .*\n?|\n(?= ))+)", re.MULTILINE)
 _ARGUMENT = re.compile(r"^ {4}(\w+)(?: \([^)]*\))?: (.*(?:\n {5,}.*)*)", re.MULTILINE)
 
 
-def described_plugins(group: str, given: Collection[str]) -> str:
+def describe_plugins(group: str, given: Collection[str]) -> str:
     """All installed plugins of a group, with errors for those that cannot be loaded.
 
     Args:
@@ -25,10 +25,10 @@ def described_plugins(group: str, given: Collection[str]) -> str:
         given: parameters that no .vast file sets.
     """
     points = sorted(plugins_of(group).values(), key=lambda point: point.name)
-    return "\n\n".join("\n".join(_described(point, given)) for point in points)
+    return "\n\n".join("\n".join(_describe_plugin(point, given)) for point in points)
 
 
-def _described(point: EntryPoint, given: Collection[str]) -> Iterator[str]:
+def _describe_plugin(point: EntryPoint, given: Collection[str]) -> Iterator[str]:
     try:
         plugin = point.load()
     except Exception as error:  # a plugin's code may raise anything

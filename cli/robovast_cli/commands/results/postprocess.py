@@ -14,7 +14,7 @@ from robovast.analysis.postprocessing.events import Failure, Options, Postproces
 from robovast.base.errors import ExitCode
 from robovast.model.document.commands import GROUP
 from robovast_cli.commands.results.options import ResultsDir
-from robovast_cli.commands.results.plugin_list import described_plugins
+from robovast_cli.commands.results.plugin_list import describe_plugins
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.bars import Bars
 from robovast_cli.ui.output import echo
@@ -115,7 +115,7 @@ def postprocess(
 )
 def postprocess_commands() -> None:
     """List the installed postprocessing commands and their parameters."""
-    typer.echo(described_plugins(GROUP, _GIVEN))
+    typer.echo(describe_plugins(GROUP, _GIVEN))
     typer.echo("\nTo use a command in a file, write `<path>.py:<name>`.")
 
 

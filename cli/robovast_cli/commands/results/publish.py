@@ -16,7 +16,7 @@ from robovast.analysis.publication.publish import PublishOptions
 from robovast.base.errors import ExitCode
 from robovast.campaign.discovery import find_campaigns
 from robovast_cli.commands.results.options import Campaigns, ResultsDir, chosen_campaigns
-from robovast_cli.commands.results.plugin_list import described_plugins
+from robovast_cli.commands.results.plugin_list import describe_plugins
 from robovast_cli.commands.results.postprocess import postprocess_campaigns
 from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.bars import Bars
@@ -86,7 +86,7 @@ def publish(
 )
 def publish_commands() -> None:
     """List the installed publication plugins and their parameters."""
-    typer.echo(described_plugins(GROUP, _GIVEN))
+    typer.echo(describe_plugins(GROUP, _GIVEN))
     typer.echo("\nTo use a plugin in a file, write `<path>.py:<name>`.")
 
 

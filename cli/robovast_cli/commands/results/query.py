@@ -13,7 +13,7 @@ from robovast.analysis.tables.query import ask, tables
 from robovast.analysis.tables.stored import StoredTables
 from robovast.base.signals import end_at_ctrl_c
 from robovast.campaign.discovery import find_campaigns
-from robovast_cli.commands.results.buckets import Buckets, Context, Namespace
+from robovast_cli.commands.results.buckets import Buckets, Context, Namespace, open_campaigns
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
 from robovast_cli.lazy import examples
 from robovast_cli.ui.rows import print_rows, print_tables
@@ -48,12 +48,9 @@ def query(
     finished. Tables other than `runs` exist only if the cluster has postprocessed the results.
     """
     if bucket:
-        from robovast_cli.commands.results.buckets import opened
-
-        with opened(bucket, context, namespace) as found:
+        with open_campaigns(bucket, context, namespace) as found:
             _answer([one.tables() for one in found], sql, output)
         return
-
     _answer(find_campaigns(results_dir or ctx.obj.results), sql, output)
 
 

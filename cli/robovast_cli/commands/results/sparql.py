@@ -16,7 +16,7 @@ from robovast.base.errors import InputError
 from robovast.base.file_errors import read_text
 from robovast.campaign.discovery import find_campaigns
 from robovast.model.naming import GRAPH
-from robovast_cli.commands.results.buckets import Buckets, Context, Namespace, opened
+from robovast_cli.commands.results.buckets import Buckets, Context, Namespace, open_campaigns
 from robovast_cli.commands.results.options import AnswerFormat, ResultsDir
 from robovast_cli.lazy import examples
 from robovast_cli.ui.output import echo_data
@@ -60,8 +60,8 @@ def sparql(
     if not bucket:
         _print_answer(query, find_campaigns(results_dir or ctx.obj.results), output)
         return
-    with opened(bucket, context, namespace) as found:
-        folders = [one.bring(GRAPH) for one in found]
+    with open_campaigns(bucket, context, namespace) as found:
+        folders = [one.fetch(GRAPH) for one in found]
         if not any(os.path.isfile(folder / GRAPH) for folder in folders):
             raise InputError(
                 f"no graph is stored for {', '.join(bucket)}",

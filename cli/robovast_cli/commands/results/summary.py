@@ -19,7 +19,7 @@ from robovast.evaluation.searches import go_on_words
 from robovast.evaluation.summaries import CampaignSummary, VariantRuns
 from robovast.evaluation.tabled_campaign import read_variants
 from robovast.evaluation.untrusted_data import read_yaml
-from robovast_cli.commands.results.buckets import Bucket, Context, Namespace, opened
+from robovast_cli.commands.results.buckets import Bucket, Context, Namespace, open_campaigns
 from robovast_cli.commands.results.options import (
     ReportFormat,
     ResultsDir,
@@ -117,8 +117,8 @@ def _in_bucket(
     name: str, context: str | None, namespace: str | None
 ) -> tuple[CampaignSummary, list[VariantRuns]]:
     """Read only the tables of a campaign in a bucket."""
-    with opened([name], context, namespace) as (place,):
+    with open_campaigns([name], context, namespace) as (place,):
         variants = read_variants(place.tables())
-        execution = read_yaml(place.bring(EXECUTION_RECORD), EXECUTION_RECORD)
+        execution = read_yaml(place.fetch(EXECUTION_RECORD), EXECUTION_RECORD)
         searches = place.has(SEARCH)
     return summarized(place.campaign, variants, execution, is_search=searches), variants

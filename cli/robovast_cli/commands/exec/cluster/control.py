@@ -31,7 +31,7 @@ def stop(
         chosen = _select(kube, campaign, _is_running, "that is running")
         kube.patch_campaign(chosen.name, {"suspend": True})
     echo(f"{chosen.name}: stopping pods. Runs in progress are lost; stored runs are kept.")
-    echo(f"Resume:   vast exec cluster resume -i {chosen.name}{kube.given}")
+    echo(f"Resume:   vast exec cluster resume -i {chosen.name}{kube.cluster_options}")
 
 
 @examples(
@@ -59,7 +59,7 @@ def resume(
             kube.patch_campaign(chosen.name, {"suspend": False})
         else:
             chosen = _select(kube, campaign, _is_search, "that is a search")
-            _refuse_fewer(chosen, batches)
+            _check_batches(chosen, batches)
             end = {"budget": [{"batches": batches}], "stopping": []}
             kube.patch_campaign(chosen.name, {"suspend": False, "vast": {"search": end}})
     echo(f"{chosen.name}: resumed.")
@@ -85,7 +85,7 @@ def _is_search(campaign: CampaignState) -> bool:
     return bool(campaign.resource["spec"]["vast"].get("search"))
 
 
-def _refuse_fewer(campaign: CampaignState, batches: int) -> None:
+def _check_batches(campaign: CampaignState, batches: int) -> None:
     """Refuse a number of batches with which no run would start.
 
     Raises:

@@ -87,7 +87,7 @@ def delete_finished(kube: Kubernetes, *, data: bool = False) -> None:
         if not campaign.finished:
             echo(
                 f"{campaign.name}: still running. To delete it: vast exec cluster run-cleanup -i "
-                f"{campaign.name}{kube.given}"
+                f"{campaign.name}{kube.cluster_options}"
             )
 
 

@@ -22,10 +22,10 @@ from robovast.kubeapi.pod_contract.pack_request import RUN
 from robovast_cli.kube.api import Kubernetes, connect
 from robovast_cli.kube.api_errors import NotFoundError
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.kube.pods import check_container, has_begun, is_prepared, waiting_reason
+from robovast_cli.kube.pods import check_container, has_started, is_prepared, waiting_reason
 from robovast_cli.kube.results import named_results
 from robovast_cli.kube.runs import CampaignRuns, Executor
-from robovast_cli.kube.status import CampaignState, campaign_states, lookup, some_names
+from robovast_cli.kube.status import CampaignState, campaign_states, list_names, lookup
 from robovast_cli.kube.store import place_of
 from robovast_cli.lazy import examples
 from robovast_cli.ui.output import echo_data
@@ -146,7 +146,7 @@ def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
     for found in (known, unfinished):
         if len(found) == 1:
             return found[0]
-    names = some_names(known)
+    names = list_names(known)
     raise InputError(
         f"no campaign is named: the namespace {kube.namespace} has {names}",
         hint="name a campaign before the run",
@@ -195,7 +195,7 @@ class RunLog:
         """Print it from a pod, and what is added to it; False if the pod has none of the run."""
         container = self._options.secondary or RUN
         check_container(executor.pod, container)
-        if not has_begun(executor.pod, container):
+        if not has_started(executor.pod, container):
             return False
         try:
             lines = list(self._kube.log(executor.name, container))
@@ -242,7 +242,7 @@ class RunLog:
     def _waiting(self, executor: Executor | None) -> str:
         """Why a run is neither executed nor stored."""
         campaign = self._runs.campaign
-        if executor is not None and is_prepared(executor.pod) and has_begun(executor.pod, RUN):
+        if executor is not None and is_prepared(executor.pod) and has_started(executor.pod, RUN):
             return f"its pod {executor.name} has not started this run yet"
         if executor is not None:
             return waiting_reason(executor.pod)

@@ -191,7 +191,7 @@ def _delete_if_created(kube: Kubernetes, name: str) -> None:
     except RobovastError as error:
         echo(
             f"The campaign {name} may still exist in the namespace {kube.namespace}: {error} "
-            f"Check with `vast exec cluster monitor --once{kube.given}`."
+            f"Check with `vast exec cluster monitor --once{kube.cluster_options}`."
         )
 
 
@@ -228,13 +228,13 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
 
 def _print_next_commands(kube: Kubernetes, campaign: CampaignState) -> None:
     """Print commands for a running campaign."""
-    echo(f"Watch:    vast exec cluster monitor{kube.given}")
-    echo(f"Stop:     vast exec cluster stop -i {campaign.name}{kube.given}")
+    echo(f"Watch:    vast exec cluster monitor{kube.cluster_options}")
+    echo(f"Stop:     vast exec cluster stop -i {campaign.name}{kube.cluster_options}")
     echo(f"Results:  {_download(kube, campaign)}")
 
 
 def _download(kube: Kubernetes, campaign: CampaignState) -> str:
-    return f"vast results download -i {campaign.name}{kube.given}"
+    return f"vast results download -i {campaign.name}{kube.cluster_options}"
 
 
 def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState | None:

@@ -45,7 +45,7 @@ def runs(
     """
     with open_runs(context, namespace, campaign) as (_, found):
         rows = [] if failed else list(_running(found))
-        rows += [_unsuccessful(run, record) for run, record in found.bad_records()]
+        rows += [_unsuccessful(run, record) for run, record in found.unsuccessful_records()]
         if rows:
             sys.stdout.write(format_table(COLUMNS, rows))
         elif failed:

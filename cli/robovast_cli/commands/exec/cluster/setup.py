@@ -27,7 +27,7 @@ from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import format_table
 
 GROUP = "robovast.cluster_configs"
-_BY = "vast exec cluster setup "
+_DESCRIPTION = "vast exec cluster setup "
 """Begins the description of a release that `setup` installed; the cluster configuration follows."""
 ConfigOption = Annotated[
     list[str] | None,
@@ -79,10 +79,10 @@ def setup(
     config, given, changes = _load_config(cluster_config, option)
     with connect(context, namespace) as kube:
         helm = Helm(kube.namespace, kube.context)
-        _refuse_other(helm.installed(), cluster_config, force=force)
+        _reject_other_config(helm.installed(), cluster_config, force=force)
         config.setup_cluster(namespace=kube.namespace, kube_context=kube.context, **given)
         echo(f"Installing RoboVAST in the namespace {kube.namespace} …")
-        helm.install(_merge(_values(config, kube), changes), _BY + cluster_config)
+        helm.install(_merge(_values(config, kube), changes), _DESCRIPTION + cluster_config)
         config.verify_cluster_ready(namespace=kube.namespace, kube_context=kube.context)
     echo("RoboVAST is ready. Run a campaign: vast exec cluster run")
 
@@ -113,10 +113,10 @@ def cleanup(
                 f"RoboVAST is not installed in the namespace {kube.namespace}.",
                 hint="use `--namespace` to select another namespace",
             )
-        _refuse_running(kube, force=force)
+        _reject_running(kube, force=force)
         helm.uninstall()
-        if description.startswith(_BY):
-            config, _, _ = _load_config(description.removeprefix(_BY), None)
+        if description.startswith(_DESCRIPTION):
+            config, _, _ = _load_config(description.removeprefix(_DESCRIPTION), None)
             config.cleanup_cluster(namespace=kube.namespace, kube_context=kube.context)
     echo(
         "RoboVAST was deleted. Campaigns and CRDs are kept. To delete them, run `kubectl delete "
@@ -190,10 +190,10 @@ def _merge(values: dict[str, Any], changes: Sequence[tuple[str, str]]) -> dict[s
     return changed
 
 
-def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
+def _reject_other_config(description: str | None, name: str, *, force: bool) -> None:
     """Storage must not change by mistake: results in the old one would be out of sight."""
-    before = (description or "").removeprefix(_BY)
-    if description and description.startswith(_BY) and before != name and not force:
+    before = (description or "").removeprefix(_DESCRIPTION)
+    if description and description.startswith(_DESCRIPTION) and before != name and not force:
         raise CannotRunError(
             f"RoboVAST is installed in this cluster with the cluster configuration `{before}`",
             hint=f"use `--force` to install `{name}` instead; results in the current storage are "
@@ -201,7 +201,7 @@ def _refuse_other(description: str | None, name: str, *, force: bool) -> None:
         )
 
 
-def _refuse_running(kube: Kubernetes, *, force: bool) -> None:
+def _reject_running(kube: Kubernetes, *, force: bool) -> None:
     try:
         campaigns = campaign_states(kube)
     except NotInstalledError:

@@ -11,7 +11,7 @@ from robovast.execution.contract import OUT
 from robovast.kubeapi.pod_contract.pack_request import RUN
 from robovast_cli.commands.exec.cluster.logs import RunNames, Secondary, open_runs, parse_names
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.kube.pods import check_container, has_begun, waiting_reason
+from robovast_cli.kube.pods import check_container, has_started, waiting_reason
 from robovast_cli.lazy import examples
 
 SHELL = ("bash", "-c", f"cd {OUT} && exec bash")
@@ -37,12 +37,12 @@ def shell(
     with open_runs(context, namespace, campaign) as (kube, runs):
         executor = runs.executor(run)
         if executor is None:
-            logs = " ".join(["vast exec cluster logs", *(names or ())]) + kube.given
+            logs = " ".join(["vast exec cluster logs", *(names or ())]) + kube.cluster_options
             raise CannotRunError(
                 f"{run} is not running", hint=f"run `{logs}` to see its log, or why it is pending"
             )
         check_container(executor.pod, container)
-        if not has_begun(executor.pod, container):
+        if not has_started(executor.pod, container):
             raise CannotRunError(
                 f"{run} is not running yet: {waiting_reason(executor.pod)}.",
                 hint="wait, then run the command again",
