@@ -129,13 +129,13 @@ def _open_jobs(snapshot: Snapshot) -> list[Action]:
         return []
     outdated = [job for job in snapshot.open if _must_be_replaced(snapshot, job)]
     others = [job for job in snapshot.open if job not in outdated and not job.deleting]
-    wrong = [job for job in others if _is_wrong(snapshot, job)]
+    wrong = [job for job in others if _must_be_switched(snapshot, job)]
     suspend = snapshot.accepted.spec.suspend
     switched = [SuspendJob(job.name, suspend) for job in wrong]
     return [*switched, *(_replaced(snapshot, job) for job in outdated), *_resize(snapshot)]
 
 
-def _is_wrong(snapshot: Snapshot, job: JobState) -> bool:
+def _must_be_switched(snapshot: Snapshot, job: JobState) -> bool:
     """Return whether a Job must be suspended or resumed; Kueue does so for Jobs in its queues."""
     suspend = snapshot.accepted.spec.suspend
     if not job.queue:

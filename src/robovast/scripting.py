@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from robovast.base.errors import InputError
 from robovast.campaign.configurations import read_variants
-from robovast.campaign.decisions import told
+from robovast.campaign.decisions import describe_decision
 from robovast.campaign.discovery import find_campaigns
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord, read_run_record, result_without_record
@@ -162,7 +162,7 @@ class _RunLog:
         _log.info("%s %s %s", run.path, record.verdict, record.reason)
 
     def configuration_decided(self, decided: Decided) -> None:
-        _log.info("%s: %s", decided.variant, told(decided.decision))
+        _log.info("%s: %s", decided.variant, describe_decision(decided.decision))
 
     def message(self, text: str) -> None:
         _log.info(text)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Self
 
-from robovast.campaign.decisions import told
+from robovast.campaign.decisions import describe_decision
 from robovast.campaign.failure_groups import cause_key
 from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
@@ -133,7 +133,7 @@ class LocalView:
     def configuration_decided(self, decided: Decided) -> None:
         """Say what it is, and count the runs that are left no more."""
         self.total -= decided.spared
-        self.message(f"{decided.variant}: {told(decided.decision)} runs")
+        self.message(f"{decided.variant}: {describe_decision(decided.decision)} runs")
 
     def message(self, text: str) -> None:
         """Leave a line."""

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from robovast.base.sequential import State
 from robovast.base.statistics import LEVEL, interval_text, percent
-from robovast.campaign.decisions import runs_needed, told
+from robovast.campaign.decisions import describe_decision, runs_needed
 from robovast.campaign.failure_groups import FailureGroup
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.effects import Effect, Side
@@ -181,7 +181,7 @@ def configuration_row(variant: VariantRate) -> list[str]:
     rate = variant.rate
     return [
         variant.name,
-        variant.state.word if variant.decision is None else told(variant.decision),
+        variant.state.word if variant.decision is None else describe_decision(variant.decision),
         f"{rate.failed + rate.errored} of {rate.runs}",
         "–" if rate.rate is None else percent(rate.rate),
         interval_text(rate.interval),

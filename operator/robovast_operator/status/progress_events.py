@@ -38,7 +38,7 @@ def _planned(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
 
 def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
     """Generate the first Job, the tenth, the hundredth, and so on."""
-    before, now = _made(snapshot.status), _made(new)
+    before, now = _created_shards(snapshot.status), _created_shards(new)
     if now <= before or _step(before) == _step(now):
         return
     job = new.shards[-1].job if new.shards else ""
@@ -47,7 +47,7 @@ def _jobs(snapshot: Snapshot, new: CampaignStatus) -> Iterator[EventContent]:
     yield EventContent("Normal", "JobCreated", message, f"{new.attempt} {_step(now)}")
 
 
-def _made(status: CampaignStatus) -> int:
+def _created_shards(status: CampaignStatus) -> int:
     return status.settled.shards + len(status.shards)
 
 

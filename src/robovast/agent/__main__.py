@@ -10,7 +10,7 @@ from pathlib import Path
 
 from robovast.agent import quick_start  # isort: skip  # before all others
 from robovast.agent.mounts import Folders
-from robovast.agent.reporting import reported
+from robovast.agent.reporting import run_and_report
 from robovast.kubeapi.pod_contract.mounts import Mount
 from robovast.kubeapi.pod_contract.pack_request import (
     ATTEMPT,
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = {name: getattr(options, name) for name in Folders.__dataclass_fields__}
     folders = Folders(**{name: value for name, value in given.items() if value is not None})
     as_json = options.command in {"agent", "compose", "propose"}
-    return reported(lambda: _carry_out(options, folders), folders.message, as_json=as_json)
+    return run_and_report(lambda: _carry_out(options, folders), folders.message, as_json=as_json)
 
 
 def _carry_out(options: argparse.Namespace, folders: Folders) -> int:
@@ -83,8 +83,8 @@ def _parser(names: Sequence[str]) -> argparse.ArgumentParser:
             command.add_argument(f"--{seen}", metavar="PATH", help="as runs see it")
         if name == "agent":
             _add_runs(command)
-            told = "seconds without log output after which a run is reported"
-            command.add_argument("--silence", type=float, default=0.0, metavar="S", help=told)
+            silence = "seconds without log output after which a run is reported"
+            command.add_argument("--silence", type=float, default=0.0, metavar="S", help=silence)
         elif name == "hold":
             command.add_argument(ONLY, type=int, required=True, help="id of the run")
         elif name == "share":

@@ -83,8 +83,8 @@ def _follow(folders: Folders, container: RunContainer, silence: float, stop: Eve
                 _follow_jobs(folders, pack, container, keeper, stop, watched)
         return _ending(pack, verdicts)
     finally:
-        told = [BadRun.of(record) for record in bad]
-        Verdicts.of(verdicts, _not_needed(pack, verdicts), took, told).write(folders.message)
+        bad_runs = [BadRun.of(record) for record in bad]
+        Verdicts.of(verdicts, _not_needed(pack, verdicts), took, bad_runs).write(folders.message)
 
 
 def _not_needed(pack: Pack, verdicts: Mapping[int, Verdict]) -> int:

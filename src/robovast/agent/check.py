@@ -93,9 +93,9 @@ def damage_of(listed: list[StoredFile], sizes: Sizes) -> str:
     """The differences from a run's list; empty if there are none."""
     gone = [file.path for file in listed if file.key not in sizes]
     changed = [f.path for f in listed if f.key in sizes and sizes[f.key] != f.size]
-    told = {"missing": gone, "of another size": changed}
+    findings = {"missing": gone, "of another size": changed}
     return "; ".join(
         f"{len(paths)} files are {what}, {paths[0]} the first"
-        for what, paths in told.items()
+        for what, paths in findings.items()
         if paths
     )

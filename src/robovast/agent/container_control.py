@@ -103,7 +103,7 @@ class RunContainer:
 
     def lacked_memory(self, job: int) -> bool:
         """True when the kernel killed processes of a job that ended for lack of memory."""
-        return self._says(f"{job}.oom")
+        return self._has_answered(f"{job}.oom")
 
     def _answer(self, pattern: str) -> re.Match[str] | None:
         """The answer whose name matches."""
@@ -112,18 +112,18 @@ class RunContainer:
 
     def all_over(self, job: int, secondaries: Iterable[str]) -> bool:
         """True when a job has ended in all secondary containers."""
-        return all(self._says(f"{job}.over.{name}") for name in secondaries)
+        return all(self._has_answered(f"{job}.over.{name}") for name in secondaries)
 
     def is_terminated(self) -> bool:
         """True if somebody else asked the container to end."""
-        return self._says("terminated")
+        return self._has_answered("terminated")
 
-    def _says(self, answer: str) -> bool:
+    def _has_answered(self, answer: str) -> bool:
         return safe_paths.status(self._answers / answer, self._out) is not None
 
     def is_gone(self, job: int) -> bool:
         """True when the container was killed before it could end a job, or before it began one."""
-        held = self._says("held") or self.started(1) is not None
+        held = self._has_answered("held") or self.started(1) is not None
         return held and self._is_free() and self.exit_code(job) is None
 
     def _is_free(self) -> bool:

@@ -76,8 +76,8 @@ def finish(folders: Folders) -> AgentExit:
     stored = [record for record in records.values() if record is not None]
     _store_execution(campaign, document, bucket, index, stored, decisions)
     repeat = _store_bad_runs(campaign, bucket, index)
-    told = runs_needed(decisions.values(), len(runs)) if decisions else ""
-    summary(index, repeat, len(runs) - len(index), told).fitting().write(folders.message)
+    needed_runs = runs_needed(decisions.values(), len(runs)) if decisions else ""
+    summary(index, repeat, len(runs) - len(index), needed_runs).fitting().write(folders.message)
     return AgentExit.PASSED
 
 

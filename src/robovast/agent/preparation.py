@@ -12,7 +12,7 @@ from threading import Event
 from robovast.agent import quick_start
 from robovast.agent.container_control import RunContainer
 from robovast.agent.mounts import Folders
-from robovast.agent.reporting import reported
+from robovast.agent.reporting import run_and_report
 from robovast.agent.separate_process import apart
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit, KilledError
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
@@ -33,7 +33,9 @@ def prepare_apart(folders: Folders, request: PackRequest, stop: Event) -> int:
 
     def prepare() -> int:
         module = quick_start.load("robovast.agent.prepare")
-        code = reported(lambda: module.prepare(folders, request), folders.message, as_json=True)
+        code = run_and_report(
+            lambda: module.prepare(folders, request), folders.message, as_json=True
+        )
         return AgentExit.REFUSED_AT_START if code == AgentExit.REFUSED else code
 
     code = apart(prepare, container.beat_for_ever, stop)

@@ -31,7 +31,7 @@ from robovast.storage.s3 import ObjectStore
 
 CACHE = f"{state.FOLDER}/{state.FILE}"
 """File with the finished steps of postprocessing."""
-MOST_TOLD = 5
+MOST_LISTED = 5
 """Most failures that the termination message lists."""
 
 
@@ -146,12 +146,16 @@ def describe(failures: Iterable[Failure]) -> str:
     reasons: dict[str, list[Failure]] = {}
     for failure in failures:
         reasons.setdefault(failure.message, []).append(failure)
-    told = [_sentence(reason, alike) for reason, alike in reasons.items()]
-    more = [f"… and {len(told) - MOST_TOLD} more reasons."] if len(told) > MOST_TOLD else []
+    sentences = [_sentence(reason, alike) for reason, alike in reasons.items()]
+    more = (
+        [f"… and {len(sentences) - MOST_LISTED} more reasons."]
+        if len(sentences) > MOST_LISTED
+        else []
+    )
     return "\n".join(
         [
             ("some postprocessing failed; the results of the other commands are stored."),
-            *told[:MOST_TOLD],
+            *sentences[:MOST_LISTED],
             *more,
         ]
     )

@@ -72,12 +72,12 @@ def propose(folders: Folders) -> AgentExit:
     """
     campaign = open_campaign(folders, connections=SIDE_BY_SIDE)
     campaign.bucket.claim()
-    with deadline(LONGEST, partial(_tell_hanging, folders)):
+    with deadline(LONGEST, partial(_report_hanging, folders)):
         _go_on(campaign).write(folders.message)
     return AgentExit.PASSED
 
 
-def _tell_hanging(folders: Folders, where: str) -> None:
+def _report_hanging(folders: Folders, where: str) -> None:
     """Say that something takes too long."""
     text = (
         f"the proposal is not complete after {LONGEST / 3600:g} h: it is in {where}. Speed up the "

@@ -13,7 +13,7 @@ from robovast.kubeapi.pod_contract.exit_codes import exit_code_of_error
 from robovast.kubeapi.pod_contract.messages import write_error
 
 
-def reported(work: Callable[[], int], message: Path, *, as_json: bool) -> int:
+def run_and_report(work: Callable[[], int], message: Path, *, as_json: bool) -> int:
     """Do work; return its exit code, or that of its error, which is told.
 
     Args:

@@ -26,7 +26,7 @@ from robovast.campaign.layout import JOBS, LOGS, SYSTEM_LOG
 from robovast.campaign.object_keys import Keys
 from robovast.campaign.records import Circumstances, EndedRun, copied_record, make_record
 from robovast.campaign.reserved_names import set_own_names_aside
-from robovast.campaign.run_files import MOST_TOLD, StoredFile, Writer, escaped
+from robovast.campaign.run_files import MOST_LISTED, StoredFile, Writer, escaped
 from robovast.campaign.run_record import RunRecord
 from robovast.model.plan import PackStart, Run
 from robovast.storage.s3 import ObjectStore
@@ -138,7 +138,7 @@ class PodResults:
 
         stored, missing = store_files(folder, store)
         files = self._bucket.store_list(writer, stored)
-        record = replace(made(), files=files, missing=missing.told(MOST_TOLD))
+        record = replace(made(), files=files, missing=missing.first(MOST_LISTED))
         if record.key and not record.missing:
             record = replace(record, outputs=recorded({f.path: f.sha256 for f in stored}))
         if not self._bucket.settle(run, record, etag):
@@ -172,9 +172,9 @@ class PodResults:
 
         self._sent = {}
         _, missing = store_files(folder, store)
-        if missing.told():
-            told = json.dumps([file.data() for file in missing.told()], indent=1)
-            self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, told.encode())
+        if missing.first():
+            text = json.dumps([file.data() for file in missing.first()], indent=1)
+            self._bucket.store.put_bytes(self._bucket.name, prefix + MISSING, text.encode())
         _remove(folder)
 
     def store_logs(self, job: PackStart, folder: Path) -> None:

@@ -38,14 +38,14 @@ class Silence:
         size = _size(log())
         if size != self._size:
             self._size, self._since = size, now
-        self._tell(now - self._since > self._seconds)
+        self._report(now - self._since > self._seconds)
 
     def end(self) -> None:
         """Stop watching: the job has ended."""
         self._size = -1
-        self._tell(False)
+        self._report(False)
 
-    def _tell(self, silent: bool) -> None:
+    def _report(self, silent: bool) -> None:
         if silent and not self._told:
             self._marker.touch()
         elif self._told and not silent:

@@ -70,7 +70,7 @@ def appearing_file(target: Path) -> Iterator[Path]:
     Raises:
         StorageError: the file cannot be written.
     """
-    with explained(target):
+    with storage_errors(target):
         make_folder(target.parent)
         with _part_of(target) as part:
             yield part
@@ -91,7 +91,7 @@ def appearing_folder(target: Path) -> Iterator[Path]:
     Raises:
         StorageError: the target exists, or the folder cannot be written.
     """
-    with explained(target):
+    with storage_errors(target):
         _refuse_taken(target, replace=False)
         with scratch_folder(target) as part:
             yield part
@@ -212,7 +212,7 @@ def sync_folder(folder: Path) -> None:
 
 
 @contextmanager
-def explained(target: Path) -> Iterator[None]:
+def storage_errors(target: Path) -> Iterator[None]:
     """Convert an error of the file system to a `StorageError`."""
     try:
         yield

@@ -44,10 +44,10 @@ def raised(error: BaseException) -> str:
     own = [f"{file}:{line}" for file, line in others if file.startswith(folder + os.sep)]
     place = f" ({own[-1]})" if own else ""
     said = f"{type(error).__name__}: {_text(error)}".removesuffix(": ")
-    return told(said, _MOST) + told(place, _MOST)
+    return shorten(said, _MOST) + shorten(place, _MOST)
 
 
-def told(text: str, most: int) -> str:
+def shorten(text: str, most: int) -> str:
     """A text of a plugin that can be printed and stored: lone surrogates escaped, the middle left
     out where it is longer than `most` characters."""
     whole = text.encode("utf-8", "backslashreplace").decode()

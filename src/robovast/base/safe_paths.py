@@ -428,7 +428,7 @@ def _folder(path: Path, root: Path, *, make: bool = False) -> Iterator[int]:
     folder = os.open(root, _FOLDER)
     try:
         for part in parts:
-            below = _made(folder, part) if make else os.open(part, _BELOW, dir_fd=folder)
+            below = _open_or_create(folder, part) if make else os.open(part, _BELOW, dir_fd=folder)
             os.close(folder)
             folder = below
         yield folder
@@ -436,7 +436,7 @@ def _folder(path: Path, root: Path, *, make: bool = False) -> Iterator[int]:
         os.close(folder)
 
 
-def _made(folder: int, name: str) -> int:
+def _open_or_create(folder: int, name: str) -> int:
     for _ in range(_ATTEMPTS):
         with suppress(FileExistsError):
             os.mkdir(name, dir_fd=folder)

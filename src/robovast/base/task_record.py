@@ -22,7 +22,7 @@ def report(**facts: str) -> None:
             record.write(json.dumps(facts) + "\n")
 
 
-def reported(path: Path) -> dict[str, str]:
+def read_facts(path: Path) -> dict[str, str]:
     """All facts that were reported; of several with one name, the first."""
     found: dict[str, str] = {}
     for facts in _facts(path):

@@ -100,7 +100,7 @@ def recorded_test(execution: Mapping[str, Any]) -> CampaignTest | None:
     return CampaignTest(rule, planned)
 
 
-def told(decision: Decision) -> str:
+def describe_decision(decision: Decision) -> str:
     """Describe a decision: `passing after 18`, `inconclusive at 50`.
 
     An open decision is `inconclusive after 7 so far`.

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from robovast.base import safe_paths
-from robovast.base.atomic import explained, put_in_place, scratch_folder
+from robovast.base.atomic import put_in_place, scratch_folder, storage_errors
 from robovast.base.errors import InputError
 from robovast.base.printable import one_line
 from robovast.campaign.archive import refuse_links_out, unpack
@@ -34,7 +34,7 @@ def import_archive(archive: Path, output: Path, *, force: bool = False) -> Path:
         StorageError: the campaign exists already, or cannot be written.
     """
     name = campaign_of_archive(archive.name)
-    with explained(output), scratch_folder(output / name) as scratch:
+    with storage_errors(output), scratch_folder(output / name) as scratch:
         whole = scratch / name
         whole.mkdir()
         links = unpack(archive, whole)

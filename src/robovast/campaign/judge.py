@@ -49,10 +49,12 @@ def judge(
         return TestResult(Verdict.ERRORED, reason, result.started_at, None)
     if ending.interrupted and result.verdict is not Verdict.PASSED:
         return TestResult(Verdict.INTERRUPTED, "stopped by the user", result.started_at, None)
-    return result if result.verdict is Verdict.PASSED else _explained(result, ending, log, run)
+    return (
+        result if result.verdict is Verdict.PASSED else _with_explanation(result, ending, log, run)
+    )
 
 
-def _explained(result: TestResult, ending: Ending, log: bytes, run: str) -> TestResult:
+def _with_explanation(result: TestResult, ending: Ending, log: bytes, run: str) -> TestResult:
     """The result of a run that did not pass, with its reason; see `judge`."""
     from robovast.campaign.reasons import (  # which a run that passed does without
         error_of_contract,
@@ -70,10 +72,10 @@ def _explained(result: TestResult, ending: Ending, log: bytes, run: str) -> Test
     if result.verdict is not Verdict.ERRORED or ending.exit_code is None:
         return result
     lines = lines_of_run(log, None, run)
-    told = error_of_contract(lines)
+    stated = error_of_contract(lines)
     known = ending.lacked_memory
     explained = (
-        CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code, told, known)
+        CONTAINER_KILLED if ending.container_killed else _explain(ending.exit_code, stated, known)
     )
     why = explain_error(f"{result.reason}; {explained}", lines)
     return TestResult(Verdict.ERRORED, why)
@@ -101,11 +103,11 @@ _MEANINGS = {
 }
 
 
-def _explain(code: int, told: str, lacked_memory: bool) -> str:
+def _explain(code: int, stated: str, lacked_memory: bool) -> str:
     number = -code if code < 0 else code - 128 if code > 128 else 0
     if number in {item.value for item in signal.Signals}:
         name = signal.Signals(number).name
         guess = " (out of memory?)" if name == "SIGKILL" and not lacked_memory else ""
         return f"it was ended by {name}{guess}"
-    meaning = (told if code in set(EntrypointExit) else "") or _MEANINGS.get(code)
+    meaning = (stated if code in set(EntrypointExit) else "") or _MEANINGS.get(code)
     return f"exit code {code}" + (f": {meaning}" if meaning else "")

@@ -140,9 +140,9 @@ def _separated(text: str) -> str:
 def _find(lines: Sequence[str]) -> _Found:
     """The error that a rule finds, or else the last one."""
     for name in sorted(plugins_of(RULES)):
-        told = _ruled(name, lines)
-        if told:
-            return _Found(plain(told), "", "")
+        found_reason = _ruled(name, lines)
+        if found_reason:
+            return _Found(plain(found_reason), "", "")
     error = complaint = consequence = last = ""
     for said, is_exception in _without_dumps(_messages(lines)):
         if _own_level(said) not in _HARMLESS and (is_exception or _is_error(said)):
@@ -158,12 +158,12 @@ def _ruled(name: str, lines: Sequence[str]) -> str | None:
     """What a rule finds; a fault of the rule is told in the reason, and changes nothing else."""
     try:
         rule: Rule = load_plugin(name, RULES, ".")
-        told = rule(lines)
+        found_reason = rule(lines)
     except RobovastError as error:
         return str(error)
     except Exception as error:  # whatever others wrote
         return f"the rule `{name}` of {RULES} failed: {raised(error)}"
-    return None if told is None else str(told)
+    return None if found_reason is None else str(found_reason)
 
 
 def _messages(lines: Sequence[str]) -> Iterator[tuple[LogMessage, bool]]:
@@ -254,7 +254,7 @@ def plain(text: str) -> str:
     """A text in one line, without terminal sequences, paths and arguments of commands; shortened in
     the middle."""
     line = without_escapes(" ".join(text[: 10 * _LONGEST_LINE].split()))
-    line = _PATH.sub(_shortened, _COMMAND.sub(_told, line)).strip()
+    line = _PATH.sub(_shortened, _COMMAND.sub(_describe_command, line)).strip()
     if len(line) <= LONGEST:
         return line
     return f"{line[: LONGEST // 2]} … {line[-LONGEST // 2 :]}"
@@ -273,7 +273,7 @@ def says_only_that_it_failed(reason: str) -> bool:
     return _ENDED.search(reason) is not None
 
 
-def _told(found: re.Match[str]) -> str:
+def _describe_command(found: re.Match[str]) -> str:
     """A command by its program."""
     words: list[str] = []
     for word in (a or b for a, b in _WORD.findall(found["words"][:_LONGEST_LINE])):

@@ -34,7 +34,7 @@ LONGEST_KEY = 1000
 """Longest key that is used [byte]; S3 allows 1024."""
 LONGEST_NAME = 255
 """Longest part of a key [byte]; some servers store it as a file name."""
-MOST_TOLD = 50
+MOST_LISTED = 50
 """Most missing files that a record names."""
 MOST_NAMED = 1000
 """Most missing files whose names are remembered while a run is stored."""
@@ -128,7 +128,7 @@ class Missing:
         """Files whose names are known, sorted by path."""
         return sorted(self._named, key=lambda file: file.path)
 
-    def told(self, most: int = MOST_NAMED) -> tuple[MissingFile, ...]:
+    def first(self, most: int = MOST_NAMED) -> tuple[MissingFile, ...]:
         """At most `most` files by name, then an item that counts the others."""
         named = self.named()
         others = self._others + len(named[most:])

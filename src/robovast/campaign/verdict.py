@@ -319,8 +319,8 @@ class _Report:
     def _failure(self) -> TestResult:
         from robovast.campaign.reasons import plain  # which a run that passed does without
 
-        told = [self._failures[name] for name in ("failure", "error") if name in self._failures]
-        message, text = next(iter([*told, *self._failures.values()]), ("", []))
+        stated = [self._failures[name] for name in ("failure", "error") if name in self._failures]
+        message, text = next(iter([*stated, *self._failures.values()]), ("", []))
         if message == _PARSING_FAILED:
             why = next(iter("".join(text).strip().splitlines()), "")
             return TestResult(Verdict.ERRORED, f"the scenario cannot be parsed: {plain(why)}")
@@ -423,9 +423,9 @@ def _failed(message: str, text: str) -> TestResult:
 def _failed_action(nodes: Sequence[re.Match[str]]) -> tuple[str, str]:
     """The action that failed and what it said; empty if unknown."""
     failed = [node for node in nodes if node["state"] == "✕"]
-    told = [node for node in failed if node["said"]] or [node for node in failed if node["leaf"]]
-    if told:
-        return told[-1]["name"], told[-1]["said"] or ""
+    stated = [node for node in failed if node["said"]] or [node for node in failed if node["leaf"]]
+    if stated:
+        return stated[-1]["name"], stated[-1]["said"] or ""
     if failed and nodes[-1]["leaf"] and nodes[-1]["state"] == "-":
         return nodes[-1]["name"], "stopped by the scenario's timeout"
     return "", ""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from robovast.campaign.decisions import CampaignTest, told
+from robovast.campaign.decisions import CampaignTest, describe_decision
 from robovast.campaign.failure_groups import causes
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.summaries import VariantRuns, decision_of
@@ -98,7 +98,7 @@ def columns(variants: Sequence[VariantRuns], test: CampaignTest | None = None) -
     }
     return CampaignColumns(
         verdicts=VERDICTS,
-        decided=[told(decision_of(test, one)) for one in variants] if test else [],
+        decided=[describe_decision(decision_of(test, one)) for one in variants] if test else [],
         reasons=list(reasons),
         causes=[cause.label for cause in place_of],
         numbers=[cause.numbers for cause in place_of],

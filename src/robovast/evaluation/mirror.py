@@ -80,7 +80,7 @@ def mirror(store: ObjectStore, results: Path, room: float = math.inf) -> list[st
     found: list[_Campaign] = []
     buckets = store.buckets()
     for bucket in buckets:
-        with _reported(bucket, failed):
+        with _report_failures(bucket, failed):
             owner = owner_of(store, bucket)
             if owner is not None or is_campaign_dir(bucket):
                 name = owner.campaign if owner is not None else bucket
@@ -91,7 +91,9 @@ def mirror(store: ObjectStore, results: Path, room: float = math.inf) -> list[st
     found.sort(key=lambda one: (get_campaign_timestamp(one.name) or "", one.bucket), reverse=True)
     fits = fitting([campaign.size for campaign in found], room)
     for campaign, is_kept in sorted(zip(found, fits, strict=True), key=lambda pair: pair[1]):
-        with _reported(campaign.bucket, failed):  # those without room make room for the others
+        with _report_failures(
+            campaign.bucket, failed
+        ):  # those without room make room for the others
             folder = folder_for(results, campaign.name, campaign.owner)
             if is_kept:
                 _download(store, campaign, folder)
@@ -113,7 +115,7 @@ def fitting(sizes: Sequence[int], room: float) -> list[bool]:
 
 
 @contextmanager
-def _reported(bucket: str, failed: list[str]) -> Iterator[None]:
+def _report_failures(bucket: str, failed: list[str]) -> Iterator[None]:
     """Log and note an error of one bucket, which must not stop the others."""
     try:
         yield
@@ -134,8 +136,8 @@ def _download(store: ObjectStore, campaign: _Campaign, folder: Path) -> None:
 
 def _leave_out(campaign: _Campaign, folder: Path, room: float) -> None:
     """Replace the copy of a campaign by the reason why the web UI does not show it."""
-    told = folder / OMITTED
-    if os.path.exists(told):
+    omitted_file = folder / OMITTED
+    if os.path.exists(omitted_file):
         return
     if os.path.exists(folder):
         discard(folder)
@@ -148,7 +150,7 @@ def _leave_out(campaign: _Campaign, folder: Path, room: float) -> None:
         "chart value page.size, or download the campaign with `vast results download`."
     )
     LOGGER.info("%s", reason)
-    write_atomically(told, reason, lasting=False)
+    write_atomically(omitted_file, reason, lasting=False)
 
 
 def _remove_purged(store: ObjectStore, results: Path, buckets: Collection[str]) -> None:

@@ -147,7 +147,7 @@ def _cell(row: Sequence[str], place: int) -> str:
 
 
 def _typed(cells: Sequence[str]) -> list[Cell]:
-    said = {cell for cell in cells if _says(cell)}
+    said = {cell for cell in cells if _has_value(cell)}
     numbers = {cell: number_in(cell, rounded=True) for cell in said}
     floats = {float(number) for number in numbers.values() if number is not None}
     if len(floats) < len(said):  # texts, or different cells that are one number
@@ -155,7 +155,7 @@ def _typed(cells: Sequence[str]) -> list[Cell]:
     return [_finite(cell) for cell in cells]
 
 
-def _says(cell: str) -> bool:
+def _has_value(cell: str) -> bool:
     return cell.strip().lower() not in {"", "nan", "inf", "-inf", "none", "null"}
 
 

@@ -86,7 +86,7 @@ class _FloorplanVariation(NavigationVariation):
         """Each configuration with each floor plan: plans by name, drawn ones in drawing order."""
         with NAV.needed_by(type(self).__name__):
             try:
-                made = list(self._made())
+                made = list(self._generate())
             except DocumentError as error:
                 raise DocumentError(replace(p, key=self._where) for p in error.problems) from None
             except InputError as error:
@@ -111,13 +111,13 @@ class _FloorplanVariation(NavigationVariation):
         image = parameters.get("container")
         return image if isinstance(image, str) and image else None
 
-    def _made(self) -> Iterator[tuple[_Plan, Artefacts]]:
-        make = self._generated if self.container_runner else self._made_here
+    def _generate(self) -> Iterator[tuple[_Plan, Artefacts]]:
+        make = self._generated if self.container_runner else self._generate_here
         for plan in sorted(self._plans(), key=lambda plan: (plan.base or plan.model).stem):
             self.progress_update(plan.name)
             yield plan, make(plan)
 
-    def _made_here(self, plan: _Plan) -> Artefacts:
+    def _generate_here(self, plan: _Plan) -> Artefacts:
         from robovast.navigation.floorplan.artefacts import make_artefacts
         from robovast.navigation.floorplan.language import read_floorplan
 

@@ -115,12 +115,12 @@ class ObstacleVariation(NavigationVariation):
 
             for config in in_configs:
                 try:
-                    made += list(self._made(config))
+                    made += list(self._generate(config))
                 except (NoPathError, PlacingError) as error:
                     raise self.error(config, error) from None
         return made
 
-    def _made(self, config: Config) -> Iterator[Config]:
+    def _generate(self, config: Config) -> Iterator[Config]:
         from robovast.navigation.obstacle_placement import place
 
         costmap = self.costmap(config, self.parameters.map_file, self.parameters.robot_diameter)

@@ -86,7 +86,9 @@ def draw_path(costmap: Costmap, rng: random.Random, wish: Wish) -> Path:
         draft = _drawn(costmap, lattice, rng, wish)
         if draft is not None:
             return finished(draft, wish.start)
-    raise NoPathError(f"{_asked(wish)} was found in {ATTEMPTS} attempts. {_reach(costmap, wish)}")
+    raise NoPathError(
+        f"{_describe_wish(wish)} was found in {ATTEMPTS} attempts. {_reach(costmap, wish)}"
+    )
 
 
 def require_passable(costmap: Costmap, wish: Wish) -> None:
@@ -234,7 +236,7 @@ def _arrivals(draft: Draft) -> Iterator[Pose]:
         yield Pose(*stop, heading(draft.points[index - 1], stop))
 
 
-def _asked(wish: Wish) -> str:
+def _describe_wish(wish: Wish) -> str:
     goals = "1 goal" if wish.goals == 1 else f"{wish.goals} goals"
     apart = f", {wish.min_distance:g} m apart," if wish.min_distance else ""
     return f"no path of {wish.length:g} m (± {wish.tolerance:g} m) with {goals}{apart}"

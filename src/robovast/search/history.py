@@ -186,12 +186,12 @@ class SearchHistory:
         """Ask and tell a new strategy what was asked and told, in the same order."""
         scored, told = self.finished, 0
         for batch in self.batches:
-            self._tell(strategy, scored[told : batch.known])
+            self._update_strategy(strategy, scored[told : batch.known])
             told = max(told, batch.known)
             strategy.repeat(batch.proposal.asked, batch.proposal.sets)
-        self._tell(strategy, scored[told:])
+        self._update_strategy(strategy, scored[told:])
 
-    def _tell(self, strategy: SearchStrategy, batches: Sequence[Batch]) -> None:
+    def _update_strategy(self, strategy: SearchStrategy, batches: Sequence[Batch]) -> None:
         for batch in batches:
             strategy.tell(self.evaluations(batch))
 
@@ -208,11 +208,11 @@ class SearchHistory:
                     holds(space[name], value) for name, value in params.values.items()
                 ):
                     why = f"the set {params.id} is not in the search space"
-                    raise self._wrong(batch.number, "", why)
+                    raise self._error(batch.number, "", why)
             for score in batch.outcome.scores if batch.outcome else ():
                 if not score.error and not names <= set(score.objectives):
                     why = f"the score of {score.id} lacks an objective"
-                    raise self._wrong(batch.number, ".result", why)
+                    raise self._error(batch.number, ".result", why)
 
     def propose(self, proposal: Proposal) -> Batch:
         """Store a new batch."""
@@ -275,12 +275,12 @@ class SearchHistory:
 
     def _checked(self, number: int, proposal: Proposal) -> Proposal:
         if not 0 <= proposal.ahead <= number:
-            raise self._wrong(number, "", f"`ahead` must be from 0 to {number}")
+            raise self._error(number, "", f"`ahead` must be from 0 to {number}")
         if len(proposal.configs) != len(proposal.sets):
-            raise self._wrong(number, "", "has not one name in `configs` for each of its `sets`")
+            raise self._error(number, "", "has not one name in `configs` for each of its `sets`")
         for name in proposal.configs:
             if name in {"", ".", ".."} or Path(name).name != name or "\0" in name:
-                raise self._wrong(
+                raise self._error(
                     number, "", (f"`{name}` in `configs` is not the name of a configuration")
                 )
         return proposal
@@ -288,7 +288,7 @@ class SearchHistory:
     def _scores(self, number: int, proposal: Proposal) -> BatchOutcome:
         outcome: BatchOutcome = self._load(number, ".result", BatchOutcome)
         if not {p.id for p in proposal.sets} <= {s.id for s in outcome.scores}:
-            raise self._wrong(number, ".result", "`scores` lacks a set of the batch")
+            raise self._error(number, ".result", "`scores` lacks a set of the batch")
         return outcome
 
     def _load(self, number: int, part: str, kind: Any) -> Any:
@@ -299,10 +299,10 @@ class SearchHistory:
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"])) or "the file"
-            raise self._wrong(number, part, f"`{place}`: {first['msg']}") from error
+            raise self._error(number, part, f"`{place}`: {first['msg']}") from error
         except (OSError, ValueError, RecursionError) as error:
-            raise self._wrong(number, part, str(error)) from error
+            raise self._error(number, part, str(error)) from error
 
-    def _wrong(self, number: int, part: str, why: str) -> InputError:
+    def _error(self, number: int, part: str, why: str) -> InputError:
         path = self._layout.batch(number, part)
         return InputError(f"{path}: cannot be used: {why}", hint=_RESTORE)

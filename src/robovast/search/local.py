@@ -32,7 +32,7 @@ from robovast.execution.local.edited_inputs import record_inputs
 from robovast.execution.local.growing import GrowingCampaign
 from robovast.execution.local.limits import check_limits
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
+from robovast.execution.local.store import make_campaign_folder, refuse_bytes, storage_errors
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Composition
@@ -105,12 +105,12 @@ def _each_once(tell: Callable[[str], None]) -> Callable[[str], None]:
     """Tells each text once: every set is expanded alike, and says the same."""
     told: set[str] = set()
 
-    def tell_once(text: str) -> None:
+    def print_once(text: str) -> None:
         if text not in told:
             told.add(text)
             tell(text)
 
-    return tell_once
+    return print_once
 
 
 def recorded_batches(layout: Layout) -> int | None:
@@ -162,7 +162,7 @@ def run_search(
     identity = runtime.check()
     started = datetime.now().astimezone()
     layout = make_campaign_folder(output, document.vast.campaign_name, started)
-    with explained(layout.root):
+    with storage_errors(layout.root):
         write_configurations(document, Composition(()), layout.root, timings=True)
         write_execution(
             layout,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.base.errors import InputError
-from robovast.base.plugins import plugin_errors, raised, told
+from robovast.base.plugins import plugin_errors, raised, shorten
 from robovast.model.document import Document
 from robovast.model.document.search.plugins import EXTRACTORS, STRATEGIES, load_search_plugin
 from robovast.model.document.search.section import Search
@@ -69,7 +69,7 @@ def make_extractor(document: Document) -> Extractor:
 
 def trace(error: BaseException) -> str:
     """The traceback of a plugin's error, its middle left out where it is long."""
-    return told("".join(traceback.format_exception(error)), _TRACE)
+    return shorten("".join(traceback.format_exception(error)), _TRACE)
 
 
 def _cannot_be_made(document: Path, what: str, error: BaseException) -> InputError:

@@ -19,7 +19,7 @@ from robovast.base.errors import InputError
 from robovast.campaign.layout import RUN_RECORD
 from robovast.storage.bucket_runs import BucketFile, in_batches, open_run
 from robovast.storage.download import THREADS, job_link
-from robovast.storage.download_plan import DownloadPlan, plan_download, told_apart
+from robovast.storage.download_plan import DownloadPlan, plan_download, renamed_warnings
 from robovast.storage.s3 import ObjectStore
 
 
@@ -90,7 +90,7 @@ def _files(
     with ThreadPoolExecutor(THREADS, "open") as pool:
         for batch in in_batches(sorted(plan.runs, key=lambda run: run.path)):
             for run in pool.map(partial(open_run, store, bucket), batch):
-                warnings += told_apart(run.apart)
+                warnings += renamed_warnings(run.apart)
                 yield from run.files
 
 

@@ -40,7 +40,7 @@ from robovast.campaign.layout import (
 from robovast.model.naming import CONFIG, TRANSIENT
 from robovast.storage.bucket_ownership import owner_of
 from robovast.storage.bucket_runs import BucketFile, OpenedRun, RunObjects, in_batches, open_run
-from robovast.storage.download_plan import DownloadPlan, is_here, plan_download, told_apart
+from robovast.storage.download_plan import DownloadPlan, is_here, plan_download, renamed_warnings
 from robovast.storage.folder_ownership import occupy
 from robovast.storage.s3 import ObjectStore
 from robovast.storage.s3_errors import ObjectError
@@ -49,7 +49,7 @@ T = TypeVar("T")
 
 THREADS = 8
 """Number of parallel downloads."""
-MOST_TOLD = 5
+MOST_LISTED = 5
 """Most broken runs that an error names."""
 MOST_SHOWN = 100
 """Longest file path in an error [characters]."""
@@ -138,7 +138,7 @@ def download_campaign(
             could not be downloaded; the others are kept.
     """
     refusal = f"{campaign}: another download is writing to it. Wait until it ends."
-    with _explained(campaign), exclusive_folder(campaign / STAGE, refusal):
+    with _storage_errors(campaign), exclusive_folder(campaign / STAGE, refusal):
         occupy(campaign, owner_of(store, bucket))
         if imported:
             mark_imported(campaign)
@@ -182,7 +182,7 @@ class _Done:
             self.size += file.item.size
         self.runs += len(runs)
         self.lacking += [run.path for run in runs if run.lacks_files]
-        self.warnings += [line for run in runs for line in told_apart(run.apart)]
+        self.warnings += [line for run in runs for line in renamed_warnings(run.apart)]
 
 
 class _Stopped(Exception):  # noqa: N818 - no error: it ends a thread
@@ -324,10 +324,10 @@ class _Fetching:
     def _refuse_broken(self) -> None:
         if self._broken:
             names = sorted(self._broken)
-            told = " ".join(f"{name}: {self._broken[name]}" for name in names[:MOST_TOLD])
-            more = f" … and {len(names) - MOST_TOLD} more." if len(names) > MOST_TOLD else ""
+            reasons = " ".join(f"{name}: {self._broken[name]}" for name in names[:MOST_LISTED])
+            more = f" … and {len(names) - MOST_LISTED} more." if len(names) > MOST_LISTED else ""
             raise StorageError(
-                f"Downloaded all except {len(names)} runs or files. {told}{more}",
+                f"Downloaded all except {len(names)} runs or files. {reasons}{more}",
                 hint="repeat the command",
             )
 
@@ -340,8 +340,8 @@ def _keeping(path: str) -> Iterator[None]:
     except OSError as error:
         if error.errno not in _UNKEEPABLE:
             raise
-        told = f"`{path[:MOST_SHOWN]}` cannot be kept on this disk: {cause(error)}."
-        raise ObjectError(told) from error
+        reasons = f"`{path[:MOST_SHOWN]}` cannot be kept on this disk: {cause(error)}."
+        raise ObjectError(reasons) from error
 
 
 def _link_job(run: Path) -> None:
@@ -362,7 +362,7 @@ def job_link(record: Path) -> Path | None:
 
 
 @contextlib.contextmanager
-def _explained(campaign: Path) -> Iterator[None]:
+def _storage_errors(campaign: Path) -> Iterator[None]:
     try:
         yield
     except RobovastError as error:

@@ -71,12 +71,12 @@ def plan_download(
         unfinished=tuple(unfinished),
         warnings=(
             *(f"{shown(key)!r} is left in the bucket: {why}." for key, why in refused.items()),
-            *told_apart(apart),
+            *renamed_warnings(apart),
         ),
     )
 
 
-def told_apart(apart: Mapping[str, str]) -> Iterator[str]:
+def renamed_warnings(apart: Mapping[str, str]) -> Iterator[str]:
     """Warnings about files that are stored under other paths; see `set_apart`."""
     for path, place in apart.items():
         yield f"{path!r} is a file in the bucket, and a folder: here the file is {place!r}."

@@ -27,7 +27,7 @@ from robovast.base.sizes import whole_number
 from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.multipart import ChangedError, Content, measured, of_bytes, send
 from robovast.storage.s3_client import connect
-from robovast.storage.s3_errors import ObjectError, explained, passes, persist
+from robovast.storage.s3_errors import ObjectError, passes, persist, storage_errors
 
 T = TypeVar("T")
 
@@ -107,17 +107,17 @@ class ObjectStore:
 
     def buckets(self) -> list[str]:
         """Names of all buckets of the account, sorted."""
-        with self._explained("list buckets"):
+        with self._storage_errors("list buckets"):
             return sorted(bucket.name for bucket in self._persist(self._client.list_buckets))
 
     def has_bucket(self, bucket: str) -> bool:
         """Whether a bucket exists."""
-        with self._explained(f"look for the bucket {bucket}"):
+        with self._storage_errors(f"look for the bucket {bucket}"):
             return self._has_bucket(bucket)
 
     def make_bucket(self, bucket: str) -> None:
         """Create a bucket unless it exists."""
-        with self._explained(f"create the bucket {bucket}"):
+        with self._storage_errors(f"create the bucket {bucket}"):
             if self._has_bucket(bucket):
                 return
             try:
@@ -134,7 +134,7 @@ class ObjectStore:
             last: key of the object that is removed after all others.
             content: whether to remove the content. Otherwise, only an empty bucket can be removed.
         """
-        with self._explained(f"remove the bucket {bucket}"):
+        with self._storage_errors(f"remove the bucket {bucket}"):
             if self._has_bucket(bucket):
                 if content:
                     self._persist(lambda: self._empty(bucket, last))
@@ -150,7 +150,7 @@ class ObjectStore:
 
     def delete(self, bucket: str, keys: Collection[str]) -> None:
         """Remove objects; missing ones are ignored."""
-        with self._explained(f"remove objects from {bucket}"):
+        with self._storage_errors(f"remove objects from {bucket}"):
             self._persist(lambda: self._delete(bucket, keys))
 
     def _delete(self, bucket: str, keys: Iterable[str]) -> None:
@@ -168,7 +168,7 @@ class ObjectStore:
 
     def put_bytes(self, bucket: str, key: str, content: bytes) -> bool:
         """Store content; return False if an equal object exists."""
-        with self._explained(f"store {bucket}/{key}"):
+        with self._storage_errors(f"store {bucket}/{key}"):
             return self._put(bucket, key, of_bytes(content), {})
 
     def put(self, bucket: str, key: str, file: BinaryIO) -> bool:
@@ -177,7 +177,7 @@ class ObjectStore:
         Raises:
             OSError: the file cannot be read, or keeps changing.
         """
-        with self._explained(f"store {bucket}/{key}"):
+        with self._storage_errors(f"store {bucket}/{key}"):
             return self._steady(file, lambda content, mode: self._put(bucket, key, content, mode))
 
     def put_new(self, bucket: str, key: str, file: BinaryIO) -> Content:
@@ -191,7 +191,7 @@ class ObjectStore:
             self._send(bucket, key, content, mode)
             return content
 
-        with self._explained(f"store {bucket}/{key}"):
+        with self._storage_errors(f"store {bucket}/{key}"):
             return self._steady(file, store)
 
     def _steady(self, file: BinaryIO, store: Callable[[Content, Mapping[str, str]], T]) -> T:
@@ -240,7 +240,7 @@ class ObjectStore:
     def _store_if(self, bucket: str, key: str, content: bytes, etag: str | None) -> bool:
         sent = of_bytes(content)
         condition = {"If-None-Match": "*"} if etag is None else {"If-Match": f'"{etag}"'}
-        with self._explained(f"store {bucket}/{key}"):
+        with self._storage_errors(f"store {bucket}/{key}"):
             try:
                 self._send(bucket, key, sent, {}, condition)
             except S3Error as error:
@@ -260,7 +260,7 @@ class ObjectStore:
 
     def digest(self, bucket: str, key: str) -> str | None:
         """SHA-256 in an object's metadata, or empty; None if the object is missing."""
-        with self._explained(f"look at {bucket}/{key}"):
+        with self._storage_errors(f"look at {bucket}/{key}"):
             return self._digest(bucket, key)
 
     def _digest(self, bucket: str, key: str) -> str | None:
@@ -272,7 +272,7 @@ class ObjectStore:
 
     def objects(self, bucket: str, prefix: str = "") -> Iterator[StoredObject]:
         """All objects whose key has a prefix, sorted by key."""
-        with self._explained(f"list {bucket}/{prefix}"):
+        with self._storage_errors(f"list {bucket}/{prefix}"):
             for item in self._items(bucket, prefix, recursive=True):
                 if item.size or not item.object_name.endswith("/"):  # some servers list folders
                     modified = item.last_modified.timestamp()
@@ -280,7 +280,7 @@ class ObjectStore:
 
     def folders(self, bucket: str, prefix: str = "") -> list[str]:
         """Names of the folders directly below a prefix, which is empty or ends with `/`."""
-        with self._explained(f"list {bucket}/{prefix}"):
+        with self._storage_errors(f"list {bucket}/{prefix}"):
             items = self._items(bucket, prefix, recursive=False)
             return [item.object_name[len(prefix) : -1] for item in items if item.is_dir]
 
@@ -327,7 +327,7 @@ class ObjectStore:
             modified = parsedate_to_datetime(headers["Last-Modified"]).timestamp()
             return Look(content, str(headers["ETag"]).strip('"'), modified)
 
-        with self._explained(f"read {bucket}/{key}"):
+        with self._storage_errors(f"read {bucket}/{key}"):
             return self._unless_absent(read)
 
     def get_file(
@@ -355,7 +355,7 @@ class ObjectStore:
         part = _part(target, f"{item.key} {item.etag or item.sha256}")
         meter = _Meter(received)
         try:
-            with self._explained(f"fetch {bucket}/{item.key}"):
+            with self._storage_errors(f"fetch {bucket}/{item.key}"):
                 self._persist(lambda: self._fetch(bucket, item, part, meter))
         except ObjectError:  # the content is wrong
             part.unlink(missing_ok=True)
@@ -385,7 +385,7 @@ class ObjectStore:
 
     def find(self, bucket: str, key: str) -> StoredObject | None:
         """An object as a listing has it; None if it is missing."""
-        with self._explained(f"look at {bucket}/{key}"):
+        with self._storage_errors(f"look at {bucket}/{key}"):
             found = self._stat(bucket, key)
         if found is None:
             return None
@@ -408,7 +408,7 @@ class ObjectStore:
                 raise ProtocolError(f"only {len(content)} of {length} bytes arrived")
             return content
 
-        with self._explained(f"read {bucket}/{item.key}"):
+        with self._storage_errors(f"read {bucket}/{item.key}"):
             return self._persist(read)
 
     @contextmanager
@@ -434,8 +434,8 @@ class ObjectStore:
                 return None
             raise
 
-    def _explained(self, attempt: str) -> AbstractContextManager[None]:
-        return explained(f"{self.endpoint}: cannot {attempt}")
+    def _storage_errors(self, attempt: str) -> AbstractContextManager[None]:
+        return storage_errors(f"{self.endpoint}: cannot {attempt}")
 
 
 class _Meter:

@@ -122,7 +122,7 @@ def _kind(error: S3Error) -> type[StorageError]:
 
 
 @contextmanager
-def explained(attempt: str) -> Iterator[None]:
+def storage_errors(attempt: str) -> Iterator[None]:
     """Convert an error to one with a remedy.
 
     Args:

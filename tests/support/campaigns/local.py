@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from robovast.campaign.decisions import told
+from robovast.campaign.decisions import describe_decision
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.local import ExecutionSummary, LocalOptions, resume_campaign, run_campaign
 from robovast.execution.local.pack_queue import Decided
@@ -83,7 +83,7 @@ class Recorder:
             self._on_finished(run)
 
     def configuration_decided(self, decided: Decided) -> None:
-        self.decided[decided.variant] = told(decided.decision)
+        self.decided[decided.variant] = describe_decision(decided.decision)
 
     def message(self, text: str) -> None:
         self.messages.append(text)

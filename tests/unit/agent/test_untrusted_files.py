@@ -31,7 +31,7 @@ def contents(root: Path) -> tuple[dict[str, bytes], dict[str, str]]:
         return path, os.pread(file.fileno(), 1000, 0)
 
     stored, missing = store_files(root, store)
-    return dict(stored), {file.path: file.reason for file in missing.told()}
+    return dict(stored), {file.path: file.reason for file in missing.first()}
 
 
 @pytest.fixture
@@ -123,7 +123,7 @@ def test_what_vanishes_or_cannot_be_read_is_told(tmp_path: Path) -> None:
 
     stored, missing = store_files(tmp_path, store)
     assert sorted(stored) == ["a", "c"]
-    assert missing.told() == (MissingFile("b", "Input/output error"),)
+    assert missing.first() == (MissingFile("b", "Input/output error"),)
 
     files = open_files(tmp_path)
     close_first(files)
@@ -198,6 +198,6 @@ def test_what_has_no_room_in_the_list_is_counted_and_files_come_before_folders(
         (tmp_path / name).write_text("x")
     stored, missing = store_files(tmp_path, lambda path, number, file: path)
     assert {"a.csv", "test.xml", "z.log", "data/00000"} <= set(stored)
-    (beyond,) = missing.told()
+    (beyond,) = missing.first()
     assert beyond.count == 103 - len(stored)
     assert "the list of a run's files is full" in beyond.reason

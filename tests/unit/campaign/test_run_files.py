@@ -132,13 +132,13 @@ def test_a_record_holds_some_of_many_missing_files() -> None:
     missing = Missing()
     for number in range(2000):
         missing.add(str(number), "gone")
-    told = missing.told(50)
+    told = missing.first(50)
     assert len(told) == 51
     assert told[-1] == MissingFile("…", "and 1950 more", 1950)
     assert sum(file.count for file in told) == 2000
     missing.add_beyond()
-    assert missing.told(50)[0] == MissingFile("…", f"1 files: {FULL}", 1)
-    assert Missing().told() == ()
+    assert missing.first(50)[0] == MissingFile("…", f"1 files: {FULL}", 1)
+    assert Missing().first() == ()
 
 
 def test_a_full_list_is_as_large_as_its_room_at_most() -> None:

@@ -9,11 +9,11 @@ import pytest
 
 from robovast.base.errors import StorageError
 from robovast.campaign.layout import Layout
-from robovast.execution.local.store import explained
+from robovast.execution.local.store import storage_errors
 
 
 def said(root: Path) -> str:
-    with pytest.raises(StorageError) as error, explained(root):
+    with pytest.raises(StorageError) as error, storage_errors(root):
         raise OSError(errno.ENOSPC, "No space left on device")
     return str(error.value)
 

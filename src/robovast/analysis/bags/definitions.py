@@ -109,11 +109,11 @@ def types_of(definition: Definition, folder: Path | None, distribution: str) -> 
     except DefinitionError:
         raise
     except _FAULTS as error:
-        raise _wrong(definition, error) from error
+        raise _definition_error(definition, error) from error
     return known
 
 
-def _wrong(definition: Definition, error: Exception) -> DefinitionError:
+def _definition_error(definition: Definition, error: Exception) -> DefinitionError:
     cause = " ".join(str(error).encode(errors="replace").decode().split())[:_LONGEST_CAUSE]
     return DefinitionError(
         f"the definition of {definition.type[:_LONGEST_CAUSE]} is wrong: "
@@ -207,7 +207,7 @@ def _typestore(definition: Definition, folder: Path | None, distribution: str) -
     try:
         store.register(types)
     except _FAULTS as error:  # such as its own copy of a type of ROS, which differs from ROS's
-        raise _wrong(definition, error) from error
+        raise _definition_error(definition, error) from error
     return store
 
 

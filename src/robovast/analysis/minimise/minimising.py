@@ -40,7 +40,7 @@ from robovast.execution.local.campaign import (
 from robovast.execution.local.events import ExecutionObserver, LocalOptions
 from robovast.execution.local.replay import ExecutedRun, begin_campaign, execute_again
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained
+from robovast.execution.local.store import storage_errors
 from robovast.execution.local.stored_inputs import read_inputs
 from robovast.model.expansion import Composition, Variant
 from robovast.model.plan import Run, plan_variants
@@ -113,7 +113,7 @@ def minimise_run(
             "different value in a passing configuration or in the scenario's defaults",
         )
     session = begin_campaign(again, output, "minimise", test.most or 1, test)
-    with explained(session.layout.root):
+    with storage_errors(session.layout.root):
         write_path(session.layout, request, [])
     return _minimise(session, request, budget, observer)
 
@@ -186,8 +186,8 @@ class _EndedError(Exception):
 def _minimise(
     session: Session, request: MinimiseRequest, budget: int, observer: ExecutionObserver
 ) -> Minimised:
-    with executing(session, observer) as told:
-        way = _Way(session, request, budget, told)
+    with executing(session, observer) as observer:
+        way = _Way(session, request, budget, observer)
         way.open()
         end = End.MINIMAL
         try:
@@ -206,7 +206,7 @@ class _Way:
     session: Session
     request: MinimiseRequest
     budget: int
-    told: ExecutionObserver
+    observer: ExecutionObserver
     variants: list[Variant] = field(default_factory=list)
     records: dict[int, RunRecord] = field(default_factory=dict)
     """Of all runs that are stored, by id."""
@@ -219,9 +219,9 @@ class _Way:
         layout = self.session.layout
         self.variants = read_variants(layout)
         runs = [run for variant in self.variants for run in self._runs(variant)]
-        self.records = stored_runs(self.session, runs, self.told)
+        self.records = stored_runs(self.session, runs, self.observer)
         runtime = how(self.session, self.session.options.jobs or 1)
-        self.told.campaign_started(layout.root, len(self.records), len(self.records), runtime)
+        self.observer.campaign_started(layout.root, len(self.records), len(self.records), runtime)
 
     def check_first(self) -> None:
         """Refuse a run that does not fail again.
@@ -251,12 +251,12 @@ class _Way:
             changes = self.request.changes(self.variants[0].parameters, parameters)
             self.steps.append(MinimiseStep(variant.name, changes, judged, parameters))
             self.write(None)
-            self.told.message(f"{self.steps[-1]}")
+            self.observer.message(f"{self.steps[-1]}")
         return self._known[key].outcome is TrialOutcome.FAILS
 
     def write(self, end: End | None) -> None:
         """Record the way so far."""
-        with explained(self.session.layout.root):
+        with storage_errors(self.session.layout.root):
             write_path(self.session.layout, self.request, self.steps, end)
 
     def _variant(self, key: str, parameters: Parameters) -> Variant:
@@ -272,7 +272,7 @@ class _Way:
             parameters=parameters,
             factors=self.request.factors(parameters),
         )
-        with explained(layout.root):
+        with storage_errors(layout.root):
             write_configurations(
                 self.session.document,
                 Composition((made,)),
@@ -306,9 +306,11 @@ class _Way:
             yield self.records[run.id]
 
     def _execute(self, runs: Sequence[Run]) -> None:
-        self.told.runs_added(sum(run.id not in self.records for run in runs))
+        self.observer.runs_added(sum(run.id not in self.records for run in runs))
         plan = plan_variants(self.variants, self._most)
-        self.records, interrupted = execute_runs(self.session, plan, runs, self.records, self.told)
+        self.records, interrupted = execute_runs(
+            self.session, plan, runs, self.records, self.observer
+        )
         write_job_links(self.session.layout, self.records)
         if interrupted:
             raise _EndedError(End.INTERRUPTED)

@@ -86,7 +86,7 @@ def read_output_files(
         try:
             frame = reader_func(run)
         except Exception as error:  # a notebook's reader may raise anything
-            failed.append(f"{run.parent.name}/{run.name}: {_said(error)}")
+            failed.append(f"{run.parent.name}/{run.name}: {_error_text(error)}")
             continue
         columns = {"run": run.name, "config": run.parent.name, **_scenario_parameters(run.parent)}
         added.update(dict.fromkeys(columns))
@@ -104,7 +104,7 @@ def read_output_files(
     return _categorical(pd.concat(frames, ignore_index=True), added) if frames else pd.DataFrame()
 
 
-def _said(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     """Describe an error, common ones without Python's terms."""
     if isinstance(error, FileNotFoundError) and error.filename is not None:
         return f"it has no {error.filename}"

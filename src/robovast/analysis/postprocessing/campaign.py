@@ -135,7 +135,7 @@ class CampaignWork:
         before = {path: self.survey.files(path) for path in paths}
         with self.workers.one() as worker:
             outcome = worker.call(request(command, campaign, campaign))
-        made = list(self._made(before))
+        made = list(self._created_files(before))
         found = records.with_found(outcome.entries, made, command.name, command.parameters)
         records.merge(campaign, found)
         if outcome.success:
@@ -146,7 +146,7 @@ class CampaignWork:
         self.observer.step_advanced()
         notices.tell(self.observer)
 
-    def _made(self, before: Mapping[str, Files]) -> Iterator[str]:
+    def _created_files(self, before: Mapping[str, Files]) -> Iterator[str]:
         """Files that changed since, relative to the campaign; also updates the units."""
         moved: list[Unit] = []
         for path, files in before.items():

@@ -56,7 +56,7 @@ def describe(campaign_dir: Path, *, own_plugins: bool = True) -> None:
         configurations = read_configurations(root, findings)
         metadata = _write_metadata(root, configurations, findings)
         _write_graph(root, metadata, configurations, findings)
-    _tell(root, f"{METADATA} and {GRAPH}", findings)
+    _report(root, f"{METADATA} and {GRAPH}", findings)
 
 
 def write_metadata(campaign_dir: Path) -> Path:
@@ -68,7 +68,7 @@ def write_metadata(campaign_dir: Path) -> Path:
     """
     root, findings = _absolute(campaign_dir), Findings()
     _write_metadata(root, read_configurations(root, findings), findings)
-    _tell(root, METADATA, findings)
+    _report(root, METADATA, findings)
     return campaign_dir / METADATA
 
 
@@ -88,7 +88,7 @@ def write_graph(campaign_dir: Path) -> Path:
             hint="run `vast results metadata` to write it",
         )
     _write_graph(root, metadata, read_configurations(root, Findings()), findings)
-    _tell(root, GRAPH, findings)
+    _report(root, GRAPH, findings)
     return campaign_dir / GRAPH
 
 
@@ -132,7 +132,7 @@ def _write_nodes(file: IO[str], graph: Graph, started: str) -> None:
     file.write(",\n".join(last) + "\n]}\n")
 
 
-def _tell(root: Path, file: str, findings: Findings) -> None:
+def _report(root: Path, file: str, findings: Findings) -> None:
     for notice in findings.notices:
         _log.warning("%s: %s", root.name, notice)
     if findings.faults:

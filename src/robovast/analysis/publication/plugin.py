@@ -39,7 +39,7 @@ class PublicationPlugin:
         """
         function = load_plugin(call.name, GROUP, folder)
         if inspect.isclass(function):
-            function = _made(call.name, function)
+            function = _instantiate(call.name, function)
         if not callable(function):
             raise InputError(
                 f"the publication plugin `{call.name}` is a {type(function).__name__}",
@@ -157,7 +157,7 @@ class PublicationPlugin:
         return inspect.signature(self.function).parameters
 
 
-def _made(name: str, plugin_class: type) -> Any:
+def _instantiate(name: str, plugin_class: type) -> Any:
     try:
         return plugin_class()
     except (Exception, SystemExit) as error:

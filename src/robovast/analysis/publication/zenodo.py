@@ -91,7 +91,7 @@ class ZenodoUpload:
             )
         if publish and not deposit.published:
             deposit = upload.publish(deposit)
-        return True, _said(deposit, files)
+        return True, _summarize(deposit, files)
 
 
 class _Upload:
@@ -229,7 +229,7 @@ def _metadata(campaigns: Sequence[PublicationCampaign], given: Mapping[str, Any]
     return metadata
 
 
-def _said(deposit: Deposit, files: Sequence[Path]) -> str:
+def _summarize(deposit: Deposit, files: Sequence[Path]) -> str:
     count = "1 archive" if len(files) == 1 else f"{len(files)} archives"
     if deposit.published:
         return f"{count} published at {deposit.page} (DOI {deposit.doi})"

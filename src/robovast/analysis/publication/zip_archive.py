@@ -230,7 +230,7 @@ class _Archive:
         outside = [inside for inside, target in links.items() if not target]
         if outside:
             self.remark += f", without {len(outside)} links that leave the campaign"
-        made = self._made([*files, *links])
+        made = self._created_files([*files, *links])
         names = sorted({*files, *links, *made} - set(outside))
         with zipfile.ZipFile(path, "w") as archive:
             for name in names:
@@ -265,7 +265,7 @@ class _Archive:
         root, omit = self._campaign.path, self._options.omit_hidden
         return link_target(root, link.relative_to(root).as_posix(), link, omit_hidden=omit) or ""
 
-    def _made(self, names: Sequence[str]) -> dict[str, bytes]:
+    def _created_files(self, names: Sequence[str]) -> dict[str, bytes]:
         """Files that every archive has regardless of filters."""
         metadata = _metadata(self._campaign.path, self._options.metadata)
         made = {METADATA: metadata} if metadata is not None else {}

@@ -19,7 +19,7 @@ from robovast.analysis.tables.database import (
     import_duckdb,
     runs_query,
 )
-from robovast.analysis.tables.query_errors import ONLY_READS, explained
+from robovast.analysis.tables.query_errors import ONLY_READS, explain_error
 from robovast.analysis.tables.runs import FACTOR, PARAMETER
 from robovast.analysis.tables.spelling import plain
 from robovast.analysis.tables.staging import (
@@ -92,7 +92,7 @@ def ask(campaigns: Sequence[Path | StoredTables], sql: str, most: int | None = N
             return Answer(columns, found.fetchall() if most is None else found.fetchmany(most))
         except duckdb.Error as error:
             raise_failure(campaigns)
-            raise explained(str(error), sql, _columns(connection)) from None
+            raise explain_error(str(error), sql, _columns(connection)) from None
         except RuntimeError as error:  # how DuckDB reports Ctrl-C
             if "interrupted" not in str(error):
                 raise

@@ -42,7 +42,7 @@ class _Fault:
     columns: Columns
 
 
-def explained(cause: str, sql: str, columns: Columns) -> InputError:
+def explain_error(cause: str, sql: str, columns: Columns) -> InputError:
     """The error about what is wrong with a query, where, and what would be right.
 
     Args:
@@ -105,7 +105,7 @@ def _no_value(fault: _Fault) -> Rule:
     )
 
 
-def _say(text: str, hint: str) -> Callable[[_Fault], Rule]:
+def _fixed_rule(text: str, hint: str) -> Callable[[_Fault], Rule]:
     """A rule that says the same of every query, with what its pattern has found."""
 
     def rule(fault: _Fault) -> Rule:
@@ -119,20 +119,20 @@ _RULES: Mapping[str, Callable[[_Fault], Rule]] = {
     r"Table with name (?P<name>.+) does not exist": _no_table,
     r'(Referenced column|a column named|Column) "(?P<name>[^"]+)"'
     r"($|\n| not found| does not exist| in \w+ list not found)": _no_column,
-    r'column "(?P<name>.+?)" must appear in the GROUP BY': _say(
+    r'column "(?P<name>.+?)" must appear in the GROUP BY': _fixed_rule(
         "`{name}` has many values where one is wanted",
         "write GROUP BY {name}, or take any of them with any_value({name})",
     ),
     r"Cannot (compare|mix) values of type (VARCHAR.*(DECIMAL|DOUBLE|INT)"
-    r"|.*(DECIMAL|DOUBLE|INT).*VARCHAR)": _say(
+    r"|.*(DECIMAL|DOUBLE|INT).*VARCHAR)": _fixed_rule(
         "a text is compared with a number",
         "put the number into single quotes, or convert the text with `try_cast(… AS DOUBLE)`",
     ),
     r"Could not convert (string )?'(?P<value>.*)' to '?(?P<type>\w+)": _no_value,
-    r"^Invalid Input Error: Required module 'pytz'": _say(
+    r"^Invalid Input Error: Required module 'pytz'": _fixed_rule(
         "a column of the answer is a time with a time zone",
         "convert it to a time without a time zone, for example `now()::TIMESTAMP` for `now()`",
     ),
-    r"^Permission Error": _say(*ONLY_READS),
+    r"^Permission Error": _fixed_rule(*ONLY_READS),
 }
 """Faults with a remedy that DuckDB does not name."""

@@ -98,17 +98,17 @@ def log_events(messages: Iterable[RecordedMessage], decode: Decoder, level: int)
     """Log messages from a level on; messages that cannot be decoded are left out."""
     for message in messages:
         try:
-            told = decode(message)
-            found = next((name for least, name in _LEVELS if told.level >= least), "debug")
-            if told.level < level:
+            content = decode(message)
+            found = next((name for least, name in _LEVELS if content.level >= least), "debug")
+            if content.level < level:
                 continue
             yield Event(
                 message.time,
                 stamp_of(message.data),
                 "log",
                 found,
-                str(told.name)[:_LONGEST],
-                str(told.msg)[:_LONGEST],
+                str(content.name)[:_LONGEST],
+                str(content.msg)[:_LONGEST],
             )
         except UNDECODABLE:
             continue

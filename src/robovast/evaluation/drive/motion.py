@@ -162,8 +162,8 @@ def track_of(
     frame = ""
     for message in messages:
         try:
-            told = decode(message)
-            pose = told.pose.pose if kind in (ODOMETRY, ESTIMATE) else told.pose
+            content = decode(message)
+            pose = content.pose.pose if kind in (ODOMETRY, ESTIMATE) else content.pose
             at, turn = pose.position, pose.orientation
             row = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
         except UNDECODABLE:
@@ -172,7 +172,7 @@ def track_of(
         if not (np.isfinite(row).all() and any(row[3:])):
             track.damaged += 1
             continue
-        frame = str(told.header.frame_id).lstrip("/")
+        frame = str(content.header.frame_id).lstrip("/")
         track.received.append(message.time)
         track.stamps.append(stamp_of(message.data) or message.time)
         rows.append(row)

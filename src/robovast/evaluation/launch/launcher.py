@@ -19,7 +19,7 @@ from typing import IO, Any
 
 from robovast.base.errors import CannotRunError, ExitCode
 from robovast.base.stopwatch import Stopwatch
-from robovast.base.task_record import VARIABLE, reported
+from robovast.base.task_record import VARIABLE, read_facts
 from robovast.evaluation.launch.commands import as_shell
 
 MOST_LINES = 1000
@@ -194,7 +194,7 @@ class Launcher:
             if following is not None:
                 self._wait(following)
         except CannotRunError as error:
-            self._say(str(error))
+            self._print_line(str(error))
         self._change(ended=self._stopwatch.period[1])
         self._ended.set()
 
@@ -217,9 +217,9 @@ class Launcher:
     def _read(self, stream: IO[str]) -> None:
         with stream:
             while line := stream.readline(LONGEST):
-                self._say(_CONTROL.sub("", line.rstrip("\n")))
+                self._print_line(_CONTROL.sub("", line.rstrip("\n")))
 
-    def _say(self, line: str) -> None:
+    def _print_line(self, line: str) -> None:
         with self._lock:
             self._lines.append(line)
             self._written += 1
@@ -228,7 +228,7 @@ class Launcher:
         """Take over what the first command has reported; the second one creates no campaign."""
         launch = self._launch
         if launch is not None and launch.code is None:
-            facts = reported(self._record)
+            facts = read_facts(self._record)
             self._change(
                 makes=launch.makes or facts.get("campaign", ""),
                 error=facts.get("error", ""),

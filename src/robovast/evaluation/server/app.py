@@ -264,7 +264,7 @@ class Pages:
 
     def metric(self, request: Request) -> Response:
         """One number per run from `column` of `table`, by `aggregate`."""
-        asked = (_asked(request, key) for key in ("table", "column", "aggregate"))
+        asked = (_query_parameter(request, key) for key in ("table", "column", "aggregate"))
         return Data(metric(self._library.results, request.path_params["campaign"], *asked))
 
     def logs(self, request: Request) -> Response:
@@ -272,7 +272,9 @@ class Pages:
         self._library.require_all("Searching logs")
         runs = request.query_params.getlist("run")
         name = request.path_params["campaign"]
-        return Data(search_logs(self._library.results, name, runs, _asked(request, "text")))
+        return Data(
+            search_logs(self._library.results, name, runs, _query_parameter(request, "text"))
+        )
 
     def run(self, request: Request) -> Response:
         """One run; number, verdict and start of all runs of its variant."""
@@ -316,7 +318,7 @@ class Pages:
         Raises:
             InputError: the campaign has no such configuration, or cannot be continued from here.
         """
-        name, chosen = _asked(request, "campaign"), request.query_params.getlist("config")
+        name, chosen = _query_parameter(request, "campaign"), request.query_params.getlist("config")
         runs = read_choices(request.query_params).runs
         known = {variant.name for variant in self._library.campaign(name).variants}
         summary = self._library.summary(name)
@@ -342,12 +344,14 @@ class Pages:
 
     def compare(self, request: Request) -> Response:
         """The comparison of the campaigns `a` and `b`."""
-        a, b = (self._library.campaign(_asked(request, key)).variants for key in ("a", "b"))
+        a, b = (
+            self._library.campaign(_query_parameter(request, key)).variants for key in ("a", "b")
+        )
         return Data(compare(a, b))
 
     def comparisons(self, request: Request) -> Response:
         """Comparisons of the campaign `a` with each campaign `b`."""
-        before = self._library.campaign(_asked(request, "a")).variants
+        before = self._library.campaign(_query_parameter(request, "a")).variants
         names = request.query_params.getlist("b")
         return Data(
             [
@@ -358,7 +362,7 @@ class Pages:
 
     def changes(self, request: Request) -> Response:
         """What differs between the inputs of the campaigns `a` and `b`."""
-        a, b = (self._library.summary(_asked(request, key)).name for key in ("a", "b"))
+        a, b = (self._library.summary(_query_parameter(request, key)).name for key in ("a", "b"))
         results = self._library.results
         return Data(changes((results, a), (results, b)))
 
@@ -404,7 +408,7 @@ class Pages:
 
     def _path(self, request: Request) -> str:
         """The `path` of a request, whose files are made available."""
-        path = _asked(request, "path")
+        path = _query_parameter(request, "path")
         self._library.bring(path)
         return path
 
@@ -427,7 +431,7 @@ def _constant(content: bytes, media_type: str) -> Callable[[Request], Response]:
     return answer
 
 
-def _asked(request: Request, key: str) -> str:
+def _query_parameter(request: Request, key: str) -> str:
     value = request.query_params.get(key)
     if value is None:
         raise InputError(f"The request names no `{key}`.")

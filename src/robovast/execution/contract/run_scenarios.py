@@ -118,10 +118,10 @@ def test_suite(results: list[Any]) -> Iterator[str]:
 
 def write_test_xml(folder: str, results: list[Any]) -> None:
     """Write a run's verdict; it appears complete or not at all."""
-    write_anew(os.path.join(folder, "test.xml"), test_suite(results))
+    rewrite(os.path.join(folder, "test.xml"), test_suite(results))
 
 
-def write_anew(path: str, lines: Iterable[str]) -> None:
+def rewrite(path: str, lines: Iterable[str]) -> None:
     """Write a file, complete or not at all, whatever (a pipe, a link) a run put in its place."""
     part = path + ".part"
     with contextlib.suppress(FileNotFoundError):
@@ -376,7 +376,7 @@ def finish_runs(execution: Any) -> None:
         if left:
             sys.exit(f"[robovast] error: run {run} has left processes that cannot be ended: {left}")
         state.over.append(run)
-        write_anew(os.path.join(os.environ["OUTPUT_DIR"], "finished_runs"), state.over)
+        rewrite(os.path.join(os.environ["OUTPUT_DIR"], "finished_runs"), state.over)
     state.ended.clear()
 
 

@@ -32,7 +32,7 @@ from robovast.execution.local.limits import check_limits
 from robovast.execution.local.prepare import open_shell, prepare_run
 from robovast.execution.local.replay import replay_run
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained, make_campaign_folder, refuse_bytes
+from robovast.execution.local.store import make_campaign_folder, refuse_bytes, storage_errors
 from robovast.execution.local.variants import campaign_seed, choose_variants
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import select_any
@@ -72,7 +72,7 @@ def run_campaign(
         identity = runtime.check()
         started, seed = datetime.now().astimezone(), campaign_seed(document)
         layout = make_campaign_folder(output, document.vast.campaign_name, started)
-        with explained(layout.root):
+        with storage_errors(layout.root):
             write_configurations(document, composition, layout.root, timings=True)
             write_execution(
                 layout,
@@ -119,7 +119,7 @@ def resume_campaign(
 
     planned()  # refuses what cannot be planned, before anything is prepared
     session = continued_session(document, layout, options, observer)
-    with executing(session, observer) as told:
+    with executing(session, observer) as observer:
         each, plan = planned()  # another program may have planned more since
         test = execution.test(max(map(each.of, chosen)))
         if each != recorded_runs(layout, options.runs):
@@ -131,7 +131,7 @@ def resume_campaign(
             for run in plan_runs(plan, variants, seed)
             if run.variant.name in chosen and not 0 < wanted <= run.number
         ]
-        return execute_planned(session, plan, runs, told, test)
+        return execute_planned(session, plan, runs, observer, test)
 
 
 def record_again(layout: Layout, changes: Mapping[str, Any]) -> None:
@@ -141,7 +141,7 @@ def record_again(layout: Layout, changes: Mapping[str, Any]) -> None:
         StorageError: it cannot be written.
     """
     record = read_mapping(layout.execution_record)
-    with explained(layout.root):
+    with storage_errors(layout.root):
         write_atomically(layout.execution_record, dump_yaml({**record, **changes}))
 
 

@@ -22,7 +22,7 @@ from robovast.execution.contract import contract_files
 from robovast.execution.generate import copy_file
 from robovast.execution.local.choose import trusted_code
 from robovast.execution.local.controller_log import logged
-from robovast.execution.local.edited_inputs import told_edited
+from robovast.execution.local.edited_inputs import edited_inputs_warning
 from robovast.execution.local.events import ExecutionObserver, ExecutionSummary
 from robovast.execution.local.measured_queue import MeasuredQueue
 from robovast.execution.local.pack_execution import PackExecution
@@ -35,7 +35,7 @@ from robovast.execution.local.pack_queue import (
 )
 from robovast.execution.local.reuse import reused_runs, why_nothing
 from robovast.execution.local.session import COMMON, Session
-from robovast.execution.local.store import explained, finished_runs, first_free_job
+from robovast.execution.local.store import finished_runs, first_free_job, storage_errors
 from robovast.execution.local.stored_inputs import refuse_links
 from robovast.model.inputs import container_files
 from robovast.model.packing import PackSample
@@ -103,7 +103,7 @@ def executing(session: Session, observer: ExecutionObserver) -> Iterator[Executi
     ):
         session.runtime.clean_up_campaign(session.token)
         _prepare_common(session)
-        if edited := told_edited(session.layout):
+        if edited := edited_inputs_warning(session.layout):
             told.message(edited)
         if session.is_imported and session.sets_user:
             told.message(
@@ -119,7 +119,7 @@ def stored_runs(
     session: Session, runs: Sequence[Run], observer: ExecutionObserver
 ) -> dict[int, RunRecord]:
     """Records of the runs that need not be executed again, by id."""
-    with explained(session.layout.root):
+    with storage_errors(session.layout.root):
         return finished_runs(session, runs, observer.message)
 
 
@@ -161,7 +161,7 @@ def execute_runs(
 def _prepare_common(session: Session) -> None:
     """A private copy of the shared inputs, since runs may change it but never the originals."""
     common = session.layout.running / COMMON
-    with explained(session.layout.root):
+    with storage_errors(session.layout.root):
         shutil.rmtree(common, ignore_errors=True)
         for path in container_files(session.document):
             copy_file(session.document.folder / path, common / path)
@@ -173,7 +173,7 @@ def _prepare_common(session: Session) -> None:
 def write_job_links(layout: Layout, records: dict[int, RunRecord]) -> None:
     """Record which job executed which run."""
     links = {f"{record.variant}/{record.run}": record.job for record in records.values()}
-    with explained(layout.root):
+    with storage_errors(layout.root):
         write_atomically(layout.root / JOB_LINKS, dump_yaml(links))
 
 

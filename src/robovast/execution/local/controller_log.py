@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.base.printable import PrintableFormatter
-from robovast.campaign.decisions import told
+from robovast.campaign.decisions import describe_decision
 from robovast.campaign.layout import Layout
 from robovast.campaign.run_record import RunRecord
 from robovast.execution.local.events import ExecutionObserver
 from robovast.execution.local.pack_queue import Decided
-from robovast.execution.local.store import explained
+from robovast.execution.local.store import storage_errors
 from robovast.model.plan import Run
 
 FILE = "controller.log"
@@ -32,7 +32,7 @@ def logged(layout: Layout, observer: ExecutionObserver) -> Iterator[ExecutionObs
     Raises:
         StorageError: the log cannot be written.
     """
-    with explained(layout.root):
+    with storage_errors(layout.root):
         layout.execution.mkdir(exist_ok=True)
         handler = logging.FileHandler(layout.execution / FILE, encoding="utf-8")
     handler.setFormatter(PrintableFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
@@ -79,7 +79,7 @@ class _Logged:
 
     def configuration_decided(self, decided: Decided) -> None:
         """Log what it is."""
-        _log.info("%s: %s", decided.variant, told(decided.decision))
+        _log.info("%s: %s", decided.variant, describe_decision(decided.decision))
         self.observer.configuration_decided(decided)
 
     def message(self, text: str) -> None:

@@ -24,7 +24,7 @@ def record_inputs(document: Document, layout: Layout) -> None:
     (layout.root / INPUTS).write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
 
 
-def told_edited(layout: Layout) -> str:
+def edited_inputs_warning(layout: Layout) -> str:
     """A warning about inputs that were edited since; empty if none was, or if nothing is recorded,
     as in campaigns of RoboVAST 1.x."""
     edited = [name for name, then in _recorded(layout).items() if _checksum(layout, name) != then]

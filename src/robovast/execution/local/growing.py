@@ -20,7 +20,7 @@ from robovast.execution.local.events import ExecutionObserver
 from robovast.execution.local.pack_queue import GrowingQueue
 from robovast.execution.local.reuse import reused_runs
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained, first_free_job
+from robovast.execution.local.store import first_free_job, storage_errors
 from robovast.model.document import Document
 from robovast.model.expansion import Composition
 from robovast.model.growing import GrowingPlan
@@ -63,7 +63,7 @@ class GrowingCampaign(GrowingPlan):
     def add_variants(self, document: Document, composition: Composition) -> None:
         """Write the inputs of further variants; those that are known must not be among them."""
         layout = self.session.layout
-        with explained(layout.root):
+        with storage_errors(layout.root):
             write_configurations(
                 document,
                 composition,

@@ -20,7 +20,7 @@ from robovast.execution.job_config import build_config_folder, is_pack, paramete
 from robovast.execution.local.process_tree import wait
 from robovast.execution.local.runtime import Runtime, StartSpec
 from robovast.execution.local.session import COMMON, Session
-from robovast.execution.local.store import explained, store_run
+from robovast.execution.local.store import storage_errors, store_run
 from robovast.execution.progress import PackOutput, keep_the_rest
 from robovast.execution.watch import PackWatch
 from robovast.model.plan import PackStart, Run
@@ -86,7 +86,7 @@ class PackExecution:
         Raises:
             StorageError: results cannot be stored.
         """
-        with explained(self._session.layout.root):
+        with storage_errors(self._session.layout.root):
             self._prepare()
             watch = self._watch()
             try:

@@ -31,7 +31,7 @@ from robovast.execution.local.events import ExecutionObserver, ExecutionSummary,
 from robovast.execution.local.process_environment import environment_as_then
 from robovast.execution.local.runtime import Runtime, RuntimeIdentity
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained, make_campaign_folder
+from robovast.execution.local.store import make_campaign_folder, storage_errors
 from robovast.execution.local.stored_inputs import check_inputs, copy_inputs, read_inputs
 from robovast.model.document import Document, load_document
 from robovast.model.expansion import Variant
@@ -158,7 +158,7 @@ def begin_campaign(
     _refuse_inside(output, run.layout.root)
     started = datetime.now().astimezone()
     layout = make_campaign_folder(output, f"{document.vast.campaign_name}-{kind}", started)
-    with explained(layout.root):
+    with storage_errors(layout.root):
         copy_inputs(run.layout, run.variant.name, layout)
         if is_imported(run.layout.root):
             mark_imported(layout.root)

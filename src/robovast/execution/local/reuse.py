@@ -20,7 +20,7 @@ from robovast.campaign.verdict import Verdict, read_test_result
 from robovast.execution.job_config import parameter_documents
 from robovast.execution.local.events import ExecutionObserver
 from robovast.execution.local.session import Session
-from robovast.execution.local.store import explained, put_run_in_place
+from robovast.execution.local.store import put_run_in_place, storage_errors
 from robovast.model.naming import holds_campaign
 from robovast.model.packs import PlanSpec
 from robovast.model.plan import PackStart, Run, pack_runs
@@ -47,14 +47,14 @@ def reused_runs(
     """
     if not session.options.reuse or not runs or why_nothing(session):
         return {}
-    with explained(session.layout.root):
+    with storage_errors(session.layout.root):
         source = _Source(session.layout.root)
         found: dict[int, RunRecord] = {}
         for pack in pack_runs(plan, runs, first_job):
             for run, record in _take_over(session, pack, source):
                 found[run.id] = record
                 observer.run_finished(run, record)
-    for line in source.told(len(found), len(runs)):
+    for line in source.messages(len(found), len(runs)):
         observer.message(line)
     return found
 
@@ -107,7 +107,7 @@ class _Source:
         self.refusals[why] += 1
         self.examples.setdefault(why, example.relative_to(self.own.parent).as_posix())
 
-    def told(self, reused: int, asked: int) -> Iterator[str]:
+    def messages(self, reused: int, asked: int) -> Iterator[str]:
         """What the user should know."""
         yield f"Reused {reused} of {asked} runs."
         for why, count in self.refusals.items():

@@ -165,7 +165,7 @@ def _set_aside(layout: Layout, run: Run) -> None:
 
 
 @contextmanager
-def explained(root: Path) -> Iterator[None]:
+def storage_errors(root: Path) -> Iterator[None]:
     """Convert an error of the file system to one with a remedy."""
     try:
         yield

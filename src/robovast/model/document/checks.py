@@ -225,7 +225,7 @@ def _check_variation_parameters(
     model: type[BaseModel] | None = variation.CONFIG_CLASS
     if model is not None:
         yield from _misspelt(parts, base, model, parameters)
-        wrong = _wrong(parts, base, model, parameters)
+        wrong = _error(parts, base, model, parameters)
         yield from wrong
         if wrong:
             return
@@ -258,7 +258,7 @@ def _misspelt(
             yield parts.source.problem((*base, key), f"unknown key `{key}`", remedy, at_key=True)
 
 
-def _wrong(
+def _error(
     parts: Parts, base: KeyPath, model: type[BaseModel], parameters: dict[str, Any]
 ) -> list[Problem]:
     try:
@@ -275,7 +275,7 @@ def _check_processing(parts: Parts) -> Iterator[Problem]:
         if model is not None:
             base = _place_of_parameters(parts, path, call)
             yield from _misspelt(parts, base, model, call.parameters)
-            yield from _wrong(parts, base, model, call.parameters)
+            yield from _error(parts, base, model, call.parameters)
 
 
 def _doubtful_processing(parts: Parts) -> Iterator[Problem]:

@@ -21,7 +21,7 @@ _MANY = 5
 """Longer lists of alternatives are not shown."""
 
 
-def said_of(error: TextXSyntaxError, text: str) -> tuple[str, str]:
+def describe_error(error: TextXSyntaxError, text: str) -> tuple[str, str]:
     """What is wrong with a text, and what would be right.
 
     Args:

@@ -12,7 +12,7 @@ from textx.exceptions import TextXSyntaxError
 
 from robovast.base.errors import DocumentError, Place, Problem
 from robovast.base.file_errors import read_text
-from robovast.navigation.floorplan.mistakes import said_of
+from robovast.navigation.floorplan.mistakes import describe_error
 
 UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "deg": 0.017453292519943295, "rad": 1.0}
 """Factors to metres and radians."""
@@ -52,7 +52,7 @@ class ParsedFile:
             self.model: Any = _metamodel(grammar).model_from_str(self.text)
         except TextXSyntaxError as error:
             place = Place(path, error.line, error.col)
-            raise DocumentError([Problem(place, "", *said_of(error, self.text))]) from None
+            raise DocumentError([Problem(place, "", *describe_error(error, self.text))]) from None
 
     def place(self, node: Any) -> Place:
         """Position of a node's beginning."""

@@ -49,7 +49,7 @@ class ColumnExtractor(Extractor):
         for name, metric in self._metrics.items():
             is_query = metric.sql is not None
             found[name] = (
-                self._asked(metric.sql or "", config_dir) if is_query else _over(metric, config_dir)
+                self._query(metric.sql or "", config_dir) if is_query else _over(metric, config_dir)
             )
         return ExtractResult(dict(found), dict(found))
 
@@ -58,7 +58,7 @@ class ColumnExtractor(Extractor):
         """All numbers."""
         return frozenset({NAME, *params})
 
-    def _asked(self, sql: str, config_dir: Path) -> float:
+    def _query(self, sql: str, config_dir: Path) -> float:
         """The number of a set in the answer of a query, which is asked once for the same tables."""
         campaign = config_dir.parent
         key = (sql, (campaign / COLUMNAR_TABLES).stat().st_mtime_ns)

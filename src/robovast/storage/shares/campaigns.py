@@ -56,7 +56,7 @@ class Share:
 
     def campaigns(self) -> list[SharedCampaign]:
         """All campaigns on the share, sorted by name."""
-        with self._explained("list its archives"):
+        with self._storage_errors("list its archives"):
             found = self.provider.list_campaign_archives_with_size()
             return sorted(
                 (
@@ -89,12 +89,12 @@ class Share:
 
     def verify(self) -> None:
         """Check, as far as possible in advance, that archives can be uploaded; raise if not."""
-        with self._explained("be used"):
+        with self._storage_errors("be used"):
             self.provider.verify_access()
 
     def has(self, campaign: str) -> bool:
         """Whether a campaign's archive is on the share."""
-        with self._explained(f"look for {campaign}"):
+        with self._storage_errors(f"look for {campaign}"):
             return self.provider.archive_exists_on_share(f"{campaign}{SUFFIX}")
 
     def put(self, archive: Path, progress: Callable[[int, int], None]) -> None:
@@ -104,12 +104,12 @@ class Share:
             archive: the file.
             progress: called with the number of sent bytes, and of all bytes.
         """
-        with self._explained(f"take {archive.name}"):
+        with self._storage_errors(f"take {archive.name}"):
             self.provider.upload_archive(str(archive), archive.name, progress)
 
     def remove(self, campaign: SharedCampaign) -> None:
         """Remove a campaign from the share."""
-        with self._explained(f"remove {campaign.archive}"):
+        with self._storage_errors(f"remove {campaign.archive}"):
             self.provider.remove_archive(campaign.archive)
 
     def fetch(
@@ -122,7 +122,7 @@ class Share:
         """
         part = target.with_name(f".{target.name}.{campaign.size}.part")
         here = part.stat().st_size if part.exists() else 0
-        with self._explained(f"download {campaign.archive}"):
+        with self._storage_errors(f"download {campaign.archive}"):
             if here < campaign.size:
                 self.provider.download_archive(campaign.archive, str(part), progress, here)
             elif here > campaign.size:
@@ -136,7 +136,7 @@ class Share:
         put_in_place(part, target)
 
     @contextmanager
-    def _explained(self, what: str) -> Iterator[None]:
+    def _storage_errors(self, what: str) -> Iterator[None]:
         try:
             yield
         except RobovastError:

@@ -95,7 +95,7 @@ class GcsShareProvider(BaseShareProvider):
     def verify_access(self) -> None:
         """Check that the account may upload."""
         self._require_account()
-        with self._explained("read the permissions of the account"):
+        with self._storage_errors("read the permissions of the account"):
             found = self._bucket.test_iam_permissions([_RIGHT], retry=self._retry)
         if _RIGHT not in found:
             raise StorageError(
@@ -115,7 +115,7 @@ class GcsShareProvider(BaseShareProvider):
         before = path.stat()
         is_whole = True
         try:
-            with path.open("rb") as stream, self._explained(f"upload {object_name}"):
+            with path.open("rb") as stream, self._storage_errors(f"upload {object_name}"):
                 upload = self._begin(stream, object_name, before.st_size)
                 self._send(upload, stream, object_name, progress_callback)
         except DataCorruption:
@@ -132,7 +132,7 @@ class GcsShareProvider(BaseShareProvider):
         """Archives directly below the prefix."""
         found: list[tuple[str, int]] = []
         seen: set[str | None] = set()
-        with self._explained("list the bucket"):
+        with self._storage_errors("list the bucket"):
             blobs = self._bucket.client.list_blobs(
                 self._bucket,
                 prefix=self._prefix or None,
@@ -161,7 +161,7 @@ class GcsShareProvider(BaseShareProvider):
     ) -> None:
         """Download an archive in parts; after an interruption, the rest is downloaded."""
         path, found = Path(dest), self._blob(object_name)
-        with self._explained(f"look for {object_name}"):
+        with self._storage_errors(f"look for {object_name}"):
             found.reload(retry=self._retry)
         # Another blob, which has no address of the server's choice.
         blob = self._bucket.blob(found.name, PART, generation=found.generation)
@@ -169,7 +169,7 @@ class GcsShareProvider(BaseShareProvider):
             file.seek(resume_offset)
             file.truncate()
             if resume_offset < found.size:
-                with self._explained(f"download {object_name}"):
+                with self._storage_errors(f"download {object_name}"):
                     blob.download_to_file(
                         _Arriving(file, found.size, progress_callback),
                         start=resume_offset,
@@ -182,7 +182,7 @@ class GcsShareProvider(BaseShareProvider):
         """Remove an archive."""
         self._require_account()
         try:
-            with self._explained(f"remove {name}"):
+            with self._storage_errors(f"remove {name}"):
                 self._blob(name).delete(retry=self._retry)
         except HttpError as error:
             if error.status != _NOT_THERE:
@@ -191,7 +191,7 @@ class GcsShareProvider(BaseShareProvider):
 
     def archive_exists_on_share(self, name: str) -> bool:
         """Look for a single archive."""
-        with self._explained(f"look for {name}"):
+        with self._storage_errors(f"look for {name}"):
             return bool(self._blob(name).exists(retry=self._retry))
 
     def _begin(self, stream: IO[bytes], name: str, size: int) -> ResumableUpload:
@@ -238,7 +238,7 @@ class GcsShareProvider(BaseShareProvider):
         )
 
     @contextmanager
-    def _explained(self, attempt: str) -> Iterator[None]:
+    def _storage_errors(self, attempt: str) -> Iterator[None]:
         """Wrap requests; their errors become those of RoboVAST.
 
         Raises:

@@ -225,7 +225,7 @@ def _with_server(attempt: str, action: Callable[[SFTPClient], T]) -> T:
         except (paramiko.SSHException, EOFError, OSError) as error:
             again = was_connected and _is_lost(client, error)
             if not again or not pauses.wait():
-                raise _explained(attempt, error) from error
+                raise _error_of(attempt, error) from error
         finally:
             client.close()
 
@@ -272,7 +272,7 @@ class _Policy(paramiko.MissingHostKeyPolicy):
         )
 
 
-def _explained(attempt: str, error: Exception) -> InputError | StorageError:
+def _error_of(attempt: str, error: Exception) -> InputError | StorageError:
     start = f"{_place()}: cannot {attempt}"
     if isinstance(error, paramiko.BadHostKeyException):
         return InputError(

@@ -16,7 +16,7 @@ from support.campaigns.finished import NAME, as_of_another_tool, finished_campai
 from robovast.analysis.tables.campaign_store import write_campaign_store
 from robovast.analysis.tables.columnar import update_columnar
 from robovast.analysis.tables.query import ask, tables
-from robovast.analysis.tables.query_errors import explained
+from robovast.analysis.tables.query_errors import explain_error
 from robovast.analysis.tables.sqlite_tables import update_sqlite
 from robovast.analysis.tables.staging import wider
 from robovast.base.errors import InputError, StorageError, with_hint
@@ -237,7 +237,7 @@ def test_queries_are_explained_and_can_change_nothing(
 def test_what_is_not_known_of_queries_is_told_without_paths_and_advice(
     cause: str, told: str
 ) -> None:
-    assert told in str(explained(cause, "SELECT 1", {}))
+    assert told in str(explain_error(cause, "SELECT 1", {}))
 
 
 @pytest.mark.parametrize(
