@@ -8,22 +8,22 @@ import signal
 import sys
 
 _ALLOCATIONS = 100_000
-"""Objects after which the collector looks for cycles. The runs of a large campaign stay; looking
-through them every 700 objects, as is usual, takes a tenth of the time to read them."""
+"""Number of new objects after which the garbage collector runs. With the default of 700, it takes
+a tenth of the time to read the runs of a large campaign."""
 
 
 def main() -> None:
     """Run `vast`; exits with a code of `ExitCode`.
 
-    Ctrl-C while it is still being loaded ends it at once, without a traceback: nothing has begun.
+    Ctrl-C during the imports stops it immediately without a traceback.
     """
-    loud = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if loud:
+    replaced = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if replaced:
         signal.signal(signal.SIGINT, _end)
     gc.set_threshold(_ALLOCATIONS)
     from robovast_cli.main import main as run
 
-    if loud:
+    if replaced:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     run()
 

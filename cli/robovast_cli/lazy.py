@@ -6,7 +6,7 @@ summary and equals the line in the table of its group. `examples` adds at least 
     @exit_codes("0 all passed · 1 a run failed")
     @examples(
         ("vast view results/hall-2026-03-04-152130/hall-1/0", "Play a run"),
-        ("vast view results/hall-2026-03-04-152130/hall-1/0 -p 8000", "Use port 8000"),
+        ("vast view results/hall-2026-03-04-152130/hall-1/0 -p 8000", "Use port 8000")
     )
     def view(...) -> int | None:
         ...  # with a docstring
@@ -66,7 +66,7 @@ class LazyCommand(TyperCommand):
     def make_context(
         self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any
     ) -> Any:
-        """The context of the real command, which replaces this one."""
+        """Return the context of the imported command."""
         return self.load().make_context(info_name, args, parent=parent, **extra)
 
 
@@ -77,7 +77,7 @@ def _app_of(function: Callable[..., Any]) -> typer.Typer:
 
 
 def find_commands(name: str, group: Any, path: str) -> Iterator[str]:
-    """Commands of a name anywhere below a group, as one types them: `vast exec local run`."""
+    """Yield the commands with a name anywhere below a group, such as `vast exec local run`."""
     for own, command in getattr(group, "commands", {}).items():
         if command.hidden:
             continue
@@ -88,11 +88,7 @@ def find_commands(name: str, group: Any, path: str) -> Iterator[str]:
 
 
 def examples(*lines: tuple[str, str]) -> Callable[[AnyFunction], AnyFunction]:
-    """Add examples to the help of a command, which keeps their line breaks.
-
-    Args:
-        lines: commands and their effects.
-    """
+    """Add examples, commands and their effects, to the help of a command."""
     column = max(len(call) for call, _ in lines) + 2
     if any(column + len(effect) + 2 > WIDTH for _, effect in lines):
         texts = [f"  {effect}:\n    {call}" for call, effect in lines]
@@ -118,7 +114,7 @@ def exit_codes(text: str) -> Callable[[AnyFunction], AnyFunction]:
 
 
 def new_app(help_text: str, **settings: Any) -> typer.Typer:
-    """A Typer app that looks like every other of this tool."""
+    """Return a Typer app with the settings of all apps of `vast`."""
     common: dict[str, Any] = {
         "add_completion": False,
         "rich_markup_mode": None,

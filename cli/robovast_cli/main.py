@@ -40,7 +40,7 @@ COMMANDS: Mapping[str, Lazy] = {
 
 
 class Root(TyperGroup):
-    """All commands, those of plugins included; reports every error."""
+    """The root group, with the commands of plugins; reports all errors."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
@@ -54,11 +54,11 @@ class Root(TyperGroup):
         return find_plugins(self.commands, echo_warning)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Names of all commands, plugins last."""
+        """Return the names of all commands, plugins last."""
         return [*super().list_commands(ctx), *self.plugins]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """The command of a name; plugins are looked for when no own command has it."""
+        """Return a command by name, also of plugins."""
         return super().get_command(ctx, cmd_name) or self.plugins.get(cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -79,7 +79,7 @@ class Root(TyperGroup):
             return super().make_context(info_name, args, parent, **extra)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a command; what it returns is the exit code."""
+        """Run a command, which returns the exit code."""
         with explain_usage_errors(), report_errors():
             code = super().invoke(ctx)
         raise typer.Exit(int(code or 0))
@@ -129,8 +129,8 @@ def vast(
         ),
     ] = False,
 ) -> None:
-    """Take the global options."""
-    del version  # its callback has done the work
+    """Set the global options."""
+    del version  # handled by its callback
     logging.basicConfig(format="%(levelname)s: %(message)s")
     for handler in logging.getLogger().handlers:
         handler.setFormatter(PrintableFormatter("%(levelname)s: %(message)s"))
@@ -139,9 +139,9 @@ def vast(
 
 
 def command() -> Any:
-    """The command with everything below it."""
-    root = get_command(app)  # registers the shells that can be completed
-    own = {"install_completion", "show_completion"}  # `vast install-completion` does that
+    """Return the root command."""
+    root = get_command(app)  # registers the shells with completion
+    own = {"install_completion", "show_completion"}  # replaced by `vast install-completion`
     root.params = [param for param in root.params if param.name not in own]
     return normalize_paths(root)
 

@@ -22,7 +22,7 @@ GROUPS = ("robovast.cli_plugins", "vast.plugins")
 
 
 class PluginCommand(TyperCommand):
-    """Stands for a plugin's command: hands it the rest of the command line as it is."""
+    """Represents the command of a plugin, which receives the rest of the command line."""
 
     def __init__(self, entry: EntryPoint) -> None:
         line = f"Plugin of {origin(entry)}."
@@ -30,7 +30,7 @@ class PluginCommand(TyperCommand):
         self._entry = entry
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Leave every argument to the plugin."""
+        """Pass all arguments to the plugin."""
         ctx.args = list(args)
         return args
 
@@ -42,25 +42,25 @@ class PluginCommand(TyperCommand):
     def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:
         """The plugin's object, if it is a Click command."""
         try:
-            from click.shell_completion import ShellComplete  # there when the plugin is Click's
+            from click.shell_completion import ShellComplete  # installed if the plugin uses Click
 
             shell = ShellComplete(load_plugin(self._entry), {}, "", "")
             return list(shell.get_completions(ctx.args, incomplete))
         except Exception:
-            return []  # a shell that waits for completions is no place for a report
+            return []  # the shell cannot show an error
 
 
 def load_plugin(entry: EntryPoint) -> Any:
-    """The Click command behind an entry point.
+    """Return the Click command of an entry point.
 
     Raises:
-        CannotRunError: it cannot be imported, or is no command.
+        CannotRunError: it cannot be imported, or is not a command.
     """
     try:
         plugin = entry.load()
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # a plugin may even exit while it is imported
+    except BaseException as error:  # a plugin may exit during its import
         raise CannotRunError(
             f"{_describe(entry)} cannot be loaded from `{entry.value}`: {type(error).__name__}: "
             f"{error}",
@@ -78,11 +78,11 @@ def load_plugin(entry: EntryPoint) -> Any:
 
 
 def find_plugins(taken: Iterable[str], report: Callable[[str], None]) -> dict[str, PluginCommand]:
-    """Commands of plugins by name.
+    """Return the commands of plugins by name.
 
     Args:
-        taken: names that plugins cannot have.
-        report: receives a line about every plugin that is skipped.
+        taken: names that plugins cannot use.
+        report: function that is called with a line for each skipped plugin.
     """
     found: dict[str, EntryPoint] = {}
     for entry in (entry for group in GROUPS for entry in entry_points(group=group)):

@@ -22,7 +22,7 @@ DEFAULT_RESULTS = Path("results")
 
 @dataclass
 class Workspace:
-    """The choices that all commands share."""
+    """The global options of `vast`, and the project."""
 
     vast_file: Path | None = None
     """As given with `--vast-file`."""
@@ -44,7 +44,7 @@ class Workspace:
         """The .vast file.
 
         Raises:
-            InputError: none is named, and the working directory does not hold exactly one.
+            InputError: none is named, and the working directory does not contain exactly one.
         """
         if self.vast_file is not None:
             return self.vast_file
@@ -67,10 +67,9 @@ class Workspace:
             parse_scenario: False if the caller parses the scenario itself.
 
         Raises:
-            InputError: the file is missing, or it or its scenario is wrong.
+            InputError: the file is missing, or the file or its scenario is invalid.
         """
-        project = self.project  # its log level holds for what follows
-        del project
+        _ = self.project  # sets its log level
         path = self.path
         with progress_line(f"Reading {path.name}"):
             from robovast.execution.local.scenario_syntax import check_syntax
@@ -94,7 +93,7 @@ class Workspace:
 
 
 def shown(path: Path) -> Path:
-    """A path as short as it can be written from the working directory."""
+    """Return a path relative to the working directory, if it is below, else absolute."""
     absolute = path.absolute()
     return absolute.relative_to(Path.cwd()) if absolute.is_relative_to(Path.cwd()) else absolute
 

@@ -58,26 +58,26 @@ def mcp(
     if transport == "stdio":
         serve_stdio(root, debug)
         return
-    token, told = choose_token(os.environ)
+    token, description = choose_token(os.environ)
 
     def show(url: str) -> None:
-        echo(f"Serving {root} at {url} with {told}")
+        echo(f"Serving {root} at {url} with {description}")
 
     serve_http(root, (host, port), token, show, transport, debug)
 
 
 def choose_token(environment: Mapping[str, str]) -> tuple[str, str]:
-    """Return the token of HTTP requests and its description, which hides a given token.
+    """Return the token of HTTP requests and its description, which hides a token of the user.
 
     Raises:
-        InputError: the one given is empty.
+        InputError: the variable is empty.
     """
-    given = environment.get(TOKEN)
-    if given is None:
+    chosen = environment.get(TOKEN)
+    if chosen is None:
         token = secrets.token_urlsafe(24)
         return token, f"this token: {token}"
-    if not given.strip():
+    if not chosen.strip():
         raise InputError(
             f"{TOKEN} is empty", hint="set it to a secret, or unset it for a new token"
         )
-    return given, f"the token of {TOKEN}"
+    return chosen, f"the token of {TOKEN}"

@@ -8,12 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robovast.analysis.minimise.minimising import (
-    End,
-    Minimised,
-    continue_minimising,
-    minimise_run,
-)
+from robovast.analysis.minimise.minimising import End, Minimised, continue_minimising, minimise_run
 from robovast.analysis.minimise.record import MinimiseStep
 from robovast.analysis.minimise.record import shown as shown_value
 from robovast.analysis.minimise.shrinking import Items, Ladder

@@ -11,7 +11,13 @@ import typer
 from robovast.base.errors import ExitCode, InputError
 from robovast.base.optional_deps import ROS
 from robovast.model.naming import is_run_number
-from robovast_cli.commands.evaluation.gui import NoBrowser, Port, make_starting, present, serving
+from robovast_cli.commands.evaluation.gui import (
+    NoBrowser,
+    Port,
+    import_server,
+    make_starting,
+    show_page,
+)
 from robovast_cli.lazy import examples
 from robovast_cli.ui.output import echo
 
@@ -50,11 +56,11 @@ def view(
     """
     if rerun and foxglove:
         raise InputError("`--rerun` and `--foxglove` exclude each other", hint="use one of them")
-    serve = serving()
+    serve = import_server()
     from robovast.evaluation.library import Library
 
     ROS.require("Playing a drive")
-    results, names = _place(run)
+    results, names = _locate_run(run)
     if rerun:
         _show_in_rerun(run, results, names, port, no_browser)
         return ExitCode.OK
@@ -66,7 +72,9 @@ def view(
     serve(
         Library(results),
         port,
-        lambda page: present(run, f"{page}#/campaign/{address}?tab=player", no_browser=no_browser),
+        lambda page: show_page(
+            run, f"{page}#/campaign/{address}?tab=player", no_browser=no_browser
+        ),
         starting=make_starting(ctx.obj, None, False, False),
     )
     return ExitCode.OK
@@ -77,9 +85,9 @@ def _show_in_rerun(
 ) -> None:
     from robovast.evaluation.server.other_viewers import open_in_rerun
 
-    def ready(address: str, faults: list[str]) -> None:
-        _echo_faults(faults)
-        present(run, address, no_browser=no_browser)
+    def ready(address: str, problems: list[str]) -> None:
+        _echo_problems(problems)
+        show_page(run, address, no_browser=no_browser)
 
     open_in_rerun(results, _bag(results, names), "-".join(names[1:]), port, ready)
 
@@ -87,8 +95,8 @@ def _show_in_rerun(
 def _serve_to_foxglove(run: Path, results: Path, names: tuple[str, ...], port: int | None) -> None:
     from robovast.evaluation.server.other_viewers import serve_mcap
 
-    def ready(address: str, faults: list[str]) -> None:
-        _echo_faults(faults)
+    def ready(address: str, problems: list[str]) -> None:
+        _echo_problems(problems)
         echo(f"Serving {run}: {address}")
         link = f"lichtblick://open?ds=remote-file&ds.url={quote(address, safe='')}"
         echo(f"  Lichtblick: lichtblick '{link}'")
@@ -106,16 +114,16 @@ def _bag(results: Path, names: tuple[str, ...]) -> str:
     return bag_of(results, "/".join(names), named)
 
 
-def _echo_faults(faults: list[str]) -> None:
-    for fault in faults:
-        echo(f"Incomplete: {fault}")
+def _echo_problems(problems: list[str]) -> None:
+    for problem in problems:
+        echo(f"Incomplete: {problem}")
 
 
-def _place(path: Path) -> tuple[Path, tuple[str, ...]]:
-    """Results folder of a run; names of its campaign and configuration, and its number.
+def _locate_run(path: Path) -> tuple[Path, tuple[str, ...]]:
+    """Return the results folder of a run, and its campaign, configuration and number.
 
     Raises:
-        InputError: the folder is missing, that of no run, or that of one without a bag.
+        InputError: the folder does not exist, is not a run, or has no bag.
     """
     from robovast.evaluation.drive.bag_discovery import bags_in
     from robovast.evaluation.files import list_files

@@ -1,4 +1,4 @@
-"""Bars of what takes its time, on a terminal; elsewhere nothing is drawn."""
+"""Progress bars, on a terminal only."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
 ROOMY = 100
-"""From this width on a bar has its speed [characters]."""
+"""Minimum width of a terminal for the speed of a bar [characters]."""
 
 
 class Bars:
-    """A bar on stderr for each thing that is shown, until they are closed.
+    """Progress bars on stderr.
 
     Args:
-        of_bytes: the amounts are bytes, shown with their speed.
-        transient: take the bars away at the end.
+        of_bytes: amounts are bytes, shown with their speed.
+        transient: remove the bars at the end.
     """
 
     def __init__(self, *, of_bytes: bool = True, transient: bool = False) -> None:
@@ -33,27 +33,27 @@ class Bars:
         return self
 
     def __exit__(self, *how: object) -> None:
-        """Give the terminal back."""
+        """Remove the bars from the terminal."""
         self.close()
 
     def __call__(self, name: str, done: int, total: int, note: str = "") -> None:
-        """So much is done of something; also a progress callback."""
+        """Show the progress of a task; usable as a progress callback."""
         if not is_live(sys.stderr):
             return
         if self._shown is None:
-            self._shown = self._made()
+            self._shown = self._new_progress()
             self._shown.start()
         if name not in self._tasks:
             self._tasks[name] = self._shown.add_task(printable(name), total=total, note=note)
         self._shown.update(self._tasks[name], completed=done, total=total, note=note)
 
     def close(self) -> None:
-        """End the bars that are there; the next call begins others."""
+        """Stop the current bars; the next call starts new ones."""
         if self._shown is not None:
             self._shown.stop()
         self._shown, self._tasks = None, {}
 
-    def _made(self) -> Progress:
+    def _new_progress(self) -> Progress:
         from rich import progress
         from rich.console import Console
         from rich.table import Column

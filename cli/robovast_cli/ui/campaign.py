@@ -1,4 +1,4 @@
-"""Running a campaign in front of a user: a view while it runs, a summary at the end."""
+"""Run a campaign with a view of its progress and a summary at the end."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from robovast_cli.ui.search_summary import search_lines
 from robovast_cli.workspace import shown
 
 MOST_LISTED = 20
-"""Causes that the summary names at most."""
+"""Maximum number of causes in the summary."""
 _NO_MODULE = "No module named"
 _NAME_ANOTHER = (
     f"In each terminal, set {VARIABLE} to an environment with this module, "
@@ -49,7 +49,7 @@ def reject_vast_file(out: Path | None) -> None:
     """Reject a .vast file in place of the results folder.
 
     Raises:
-        InputError: its name ends with `.vast`, and it is no folder.
+        InputError: the name ends with `.vast`, and it is not a folder.
     """
     if out is None or out.suffix != ".vast" or out.is_dir():
         return
@@ -65,12 +65,12 @@ def reject_vast_file(out: Path | None) -> None:
     )
 
 
-def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
-    """The options, with the configurations that OUT names where the user says that they are meant.
+def resolve_selection(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
+    """Return the options, with the selection in OUT if the user confirms that OUT is a selection.
 
     Raises:
-        InputError: there is no terminal to ask the user, or OUT looks like the name of a
-            configuration and is none.
+        InputError: OUT is a selection but there is no terminal to ask the user, or OUT looks like
+            the name of a configuration that does not exist.
     """
     entries = [entry.name for entry in document.vast.configuration or ()]
     if os.path.lexists(out) or not _looks_like_configuration(str(out), entries):
@@ -93,7 +93,7 @@ def meant(document: Document, out: Path, options: LocalOptions) -> LocalOptions:
 
 
 def _looks_like_configuration(name: str, entries: Iterable[str]) -> bool:
-    """Whether it is an entry with or without numbers, or a pattern."""
+    """Return whether a name is a pattern, or an entry with or without numbers."""
     if "/" in name:
         return False
     return bool(re.search(r"[*?[]", name)) or any(
@@ -102,25 +102,25 @@ def _looks_like_configuration(name: str, entries: Iterable[str]) -> bool:
 
 
 def resume(campaign: Path, options: LocalOptions) -> ExitCode:
-    """Execute the remaining runs of a campaign."""
+    """Run the remaining runs of a campaign."""
     return _watch(lambda view: search.resume(campaign, options, view))
 
 
 def _watch(execute: Callable[[LocalView], ExecutionSummary]) -> ExitCode:
-    with view() as shows:
-        summary = execute(shows)
+    with view() as progress:
+        summary = execute(progress)
     for line in summary_lines(summary):
         echo_verdicts(line)
     return exit_code(summary)
 
 
 def view() -> LocalView:
-    """A live view on a terminal, lines elsewhere."""
+    """Return a live view on a terminal, lines elsewhere."""
     return LocalView(partial(LiveView, transient=True) if is_live(sys.stdout) else None)
 
 
 def exit_code(summary: ExecutionSummary) -> ExitCode:
-    """The command's exit code for a campaign."""
+    """Return the exit code for a campaign."""
     verdicts = {record.verdict for record in summary.records}
     if summary.interrupted:
         return ExitCode.INTERRUPTED
@@ -135,7 +135,7 @@ def exit_code(summary: ExecutionSummary) -> ExitCode:
 
 
 def summary_lines(summary: ExecutionSummary) -> Iterator[str]:
-    """The result of a campaign: a line for each cause of failures, counts, the results folder."""
+    """Yield the result of a campaign: causes of failures, counts and results folder."""
     yield ""
     if isinstance(summary, SearchSummary):
         yield from search_lines(summary)
@@ -172,7 +172,7 @@ def _missing_module(summary: ExecutionSummary) -> Iterator[str]:
 
 
 def _listed(groups: Sequence[FailureGroup[RunRecord]]) -> list[FailureGroup[RunRecord]]:
-    """The groups that are shown: crashes and timeouts before failures of the scenario."""
+    """Return the listed groups: crashes and timeouts take precedence over failures."""
     chosen = sorted(groups, key=lambda group: group.verdicts == (Verdict.FAILED,))[:MOST_LISTED]
     return [group for group in groups if group in chosen]
 
@@ -199,8 +199,8 @@ def _counts(summary: ExecutionSummary) -> str:
 def _decisions(summary: ExecutionSummary) -> str:
     decisions = [one.decision for one in summary.decided]
     needed = sum(decision.runs for decision in decisions)
-    ahead = len(summary.records) - needed
-    more = f" ({ahead} more are stored)" if ahead > 0 else ""
+    further = len(summary.records) - needed
+    more = f" ({further} more are stored)" if further > 0 else ""
     return f"{runs_needed(decisions, summary.total)}{more}"
 
 

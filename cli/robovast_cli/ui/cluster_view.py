@@ -9,7 +9,7 @@ from typing import Protocol, Self
 
 from robovast.base.printable import printable
 from robovast_cli.kube.status import CampaignState, now
-from robovast_cli.ui.live_view import LiveView, Standing, clock_time, is_live
+from robovast_cli.ui.live_view import LiveView, ProgressRow, clock_time, is_live
 from robovast_cli.ui.output import echo
 from robovast_cli.ui.table import format_table
 
@@ -111,10 +111,10 @@ class LiveCampaigns(LiveView):
         self._campaigns = campaigns
 
 
-def _standing(campaign: CampaignState) -> Standing:
+def _standing(campaign: CampaignState) -> ProgressRow:
     runs, at = campaign.status.runs, now()
     pods = {} if campaign.finished else {"running": runs.active, "waiting": runs.waiting}
-    return Standing(
+    return ProgressRow(
         campaign.done,
         runs.needed,
         {"passed": runs.passed, "failed": runs.failed, "errored": runs.errored, **pods},

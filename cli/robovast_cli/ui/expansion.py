@@ -1,4 +1,4 @@
-"""Expanding a document in front of a user."""
+"""Expand a `.vast` file and show the progress."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robovast_cli.ui.progress_line import progress_line
 
 
 def _variants(document: Document, folder: Path, show: Callable[[str], None]) -> list[Variant]:
-    """The variants of a document; of a search, those of its first batch."""
+    """Return the variants of a document, or of the first batch of a search."""
     if document.vast.search is None:
         return expand(document, folder, show)
     from robovast.search.proposing import first_batch
@@ -23,7 +23,7 @@ def _variants(document: Document, folder: Path, show: Callable[[str], None]) -> 
 
 @contextmanager
 def expanded_variants(document: Document) -> Iterator[list[Variant]]:
-    """The variants of a document; their files are there while the context lasts."""
+    """Yield the variants of a document, with temporary files."""
     with TemporaryDirectory(prefix="robovast-") as folder:
         with progress_line(f"Expanding {document.source.file.name}") as show:
             variants = _variants(document, Path(folder), show)

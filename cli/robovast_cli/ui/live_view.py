@@ -26,17 +26,17 @@ WIDEST_BAR = 30
 
 
 @dataclass(frozen=True)
-class Standing:
+class ProgressRow:
     """The progress of a campaign."""
 
     done: int
     total: int
     counts: Mapping[str, int]
-    """By verdict, and of what runs or waits; 0 is not shown."""
+    """Numbers of runs by verdict, and of running and waiting pods; 0 is not shown."""
     elapsed: float | None
     """[s]"""
     left: float | None
-    """Until its end at the pace so far [s]."""
+    """Estimated remaining time [s]."""
     name: str = ""
     state: str = ""
     notes: Sequence[tuple[str, str]] = ()
@@ -52,17 +52,17 @@ class Standing:
 
 
 class LiveView:
-    """A bar, counts and times of each campaign, below lines that stay.
+    """Shows a bar, counts and times of each campaign, below permanent lines.
 
     Args:
-        look: how far the campaigns are now.
-        transient: take the bars away at the end.
-        console: where to show it; standard output when None.
+        read: returns the progress of the campaigns.
+        transient: remove the bars at the end.
+        console: console of the bars (default: standard output).
     """
 
     def __init__(
         self,
-        look: Callable[[], Sequence[Standing]],
+        read: Callable[[], Sequence[ProgressRow]],
         *,
         transient: bool = False,
         console: Console | None = None,
@@ -70,7 +70,7 @@ class LiveView:
         from rich.console import Console
         from rich.live import Live
 
-        self._look = look
+        self._read = read
         self._console = console or Console(highlight=False)
         self._live = Live(
             console=self._console,
@@ -84,11 +84,11 @@ class LiveView:
         return self
 
     def __exit__(self, *how: object) -> None:
-        """Give the terminal back."""
+        """Release the terminal."""
         self._live.stop()
 
     def print_line(self, line: str, word: str = "") -> None:
-        """Leave a line; the word that it begins with has its style."""
+        """Print a permanent line, whose first word has its style."""
         from rich.text import Text
 
         text = Text(printable(line))
@@ -96,11 +96,11 @@ class LiveView:
         self._console.print(text)
 
     def render(self) -> RenderableType:
-        """The current display."""
+        """Return the current display."""
         from rich.console import Group
         from rich.text import Text
 
-        campaigns = self._look()
+        campaigns = self._read()
         if not campaigns:
             return Text("no campaigns", "dim")
         notes = (note for campaign in campaigns for note in campaign.notes)
@@ -110,8 +110,8 @@ class LiveView:
         return Group(*parts, *lines)
 
 
-def _parts(campaign: Standing, widest: int) -> Iterator[RenderableType]:
-    """Its name, if any, and its progress bar, if it has runs."""
+def _parts(campaign: ProgressRow, widest: int) -> Iterator[RenderableType]:
+    """Yield the name of a campaign, if any, and its progress bar, if it has runs."""
     from rich.progress_bar import ProgressBar
     from rich.table import Table
     from rich.text import Text
@@ -133,7 +133,7 @@ def _parts(campaign: Standing, widest: int) -> Iterator[RenderableType]:
 
 
 def _line(*parts: tuple[str, str]) -> Text:
-    """One line, whatever its width."""
+    """Return one line, which is cut to the width of the terminal."""
     from rich.text import Text
 
     texts = [Text(text, style) for text, style in parts if text]
@@ -143,7 +143,7 @@ def _line(*parts: tuple[str, str]) -> Text:
 
 
 def is_live(stream: TextIO) -> bool:
-    """Whether output can be updated in place."""
+    """Return whether output can be updated in place."""
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 

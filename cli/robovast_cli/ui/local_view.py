@@ -1,4 +1,4 @@
-"""A campaign on this machine while it runs: in place on a terminal, as lines elsewhere."""
+"""View of a running campaign on this machine: updated on a terminal, lines elsewhere."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from robovast.campaign.run_record import RunRecord
 from robovast.campaign.verdict import Verdict
 from robovast.execution.local.pack_queue import Decided
 from robovast.model.plan import Run
-from robovast_cli.ui.live_view import LiveView, Standing, clock_time
+from robovast_cli.ui.live_view import LiveView, ProgressRow, clock_time
 from robovast_cli.ui.output import echo
 from robovast_cli.workspace import shown
 
 MOST_LINES = 100
-"""Up to this many runs every one has a line where nothing is renewed in place; otherwise each new
-cause of failure has one, and of more runs every hundredth part a count."""
+"""Maximum number of runs with a line each, without a live view. A larger campaign has a line for
+each new cause of failure, and for each percent of its runs."""
 MOST_RUNNING = 8
-"""Running runs that are named at most."""
+"""Maximum number of running runs that are named."""
 
 
 class LocalView:
-    """Counts a campaign's runs, and shows them; each new cause of failure has a line of its own.
+    """Shows the progress of a campaign; each new cause of failure has a separate line.
 
     Args:
-        make_live: makes what renews itself in place; without it there are lines alone.
-        clock: the time [s].
+        make_live: creates a view that is updated in place (default: only lines).
+        clock: returns the time [s].
     """
 
     def __init__(
         self,
-        make_live: Callable[[Callable[[], Sequence[Standing]]], LiveView] | None = None,
+        make_live: Callable[[Callable[[], Sequence[ProgressRow]]], LiveView] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.total = 0
@@ -47,7 +47,7 @@ class LocalView:
         """Names of the runs in progress, by id, the oldest first."""
         self._clock = clock
         self._started = clock()
-        self._live = make_live(self.look) if make_live else None
+        self._live = make_live(self.progress) if make_live else None
 
     def __enter__(self) -> Self:
         if self._live:
@@ -55,13 +55,13 @@ class LocalView:
         return self
 
     def __exit__(self, *how: object) -> None:
-        """Give the terminal back."""
+        """Release the terminal."""
         if self._live:
             self._live.__exit__(*how)
 
     @property
     def done(self) -> int:
-        """Runs that ended, those of earlier sessions included."""
+        """Finished runs, including runs of earlier sessions."""
         return self.done_before + self.verdicts.total()
 
     @property
@@ -71,12 +71,12 @@ class LocalView:
 
     @property
     def left(self) -> float | None:
-        """Time until the last run ends, at the pace so far [s]; None before the first has."""
+        """Estimated remaining time [s]; None before the first run has finished."""
         executed = self.verdicts.total() - self.reused
         return self.elapsed / executed * (self.total - self.done) if executed else None
 
-    def look(self) -> list[Standing]:
-        """The progress of the campaign."""
+    def progress(self) -> list[ProgressRow]:
+        """Return the progress of the campaign."""
         counts = {str(verdict): self.verdicts[verdict] for verdict in Verdict}
         state = "" if self.total else "preparing …"
         names = list(self.running.values())
@@ -85,10 +85,12 @@ class LocalView:
         notes = [(running, "dim")]
         if self.reused:
             notes.append((f"reused {self.reused} of {self.total}", "dim"))
-        return [Standing(self.done, self.total, counts, self.elapsed, self.left, "", state, notes)]
+        return [
+            ProgressRow(self.done, self.total, counts, self.elapsed, self.left, "", state, notes)
+        ]
 
     def campaign_started(self, campaign: Path, total: int, done: int, how: str) -> None:
-        """Say what begins, and begin to count; 0 runs are some that only follow."""
+        """Print the number of runs (0: unknown) and the runtime, and start to count."""
         self.total, self.done_before = total, done
         self._started = self._clock()
         noun = "run" if total == 1 else "runs"
@@ -101,11 +103,11 @@ class LocalView:
         self.total += count
 
     def run_started(self, run: Run) -> None:
-        """A run began."""
+        """Add a running run."""
         self.running[run.id] = run.path
 
     def run_finished(self, run: Run, record: RunRecord) -> None:
-        """Say how a run ended, when that is worth a line."""
+        """Count a finished run, and print a line if necessary."""
         self.running.pop(run.id, None)
         self.verdicts[record.verdict] += 1
         self.reused += bool(record.reused_from)
@@ -125,18 +127,18 @@ class LocalView:
             echo(f"{self._counts()}{f', about {clock_time(self.left)} left' if self.left else ''}")
 
     def _is_new(self, reason: str) -> bool:
-        """Whether no earlier run had this cause; the summary counts the others."""
+        """Return whether no earlier run had this cause."""
         known = len(self._causes)
         self._causes.add(cause_key(reason))
         return len(self._causes) > known
 
     def configuration_decided(self, decided: Decided) -> None:
-        """Say what it is, and count the runs that are left no more."""
+        """Print a decision, and subtract the runs that are not needed."""
         self.total -= decided.spared
         self.message(f"{decided.variant}: {describe_decision(decided.decision)} runs")
 
     def message(self, text: str) -> None:
-        """Leave a line."""
+        """Print a permanent line."""
         if self._live:
             self._live.print_line(text)
         else:

@@ -1,4 +1,4 @@
-"""Printing while something runs: a reader that goes away must not stop it."""
+"""Print during a running campaign, which a closed pipe must not stop."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robovast_cli.ui.report import silence_stdout
 
 
 def echo(line: str, *, colour: bool = False) -> None:
-    """Print a line at once; nothing when the reader of stdout has gone."""
+    """Print a line immediately; do nothing if the reader of stdout has closed the pipe."""
     text = printable(line)
     try:
         sys.stdout.write((_VERDICT.sub(_coloured, text) if colour else text) + "\n")
@@ -27,14 +27,14 @@ def echo(line: str, *, colour: bool = False) -> None:
 
 
 _COLOURS = {"passed": 32, "failed": 31, "errored": 33, "interrupted": 2}
-"""As `live_view` has them, as codes of ECMA-48."""
+"""Colors as in `live_view`, as codes of ECMA-48."""
 _VERDICT = re.compile(
     rf"^(?:{'|'.join(_COLOURS)})\b|\b[1-9]\d* (?P<counted>{'|'.join(_COLOURS)})\b"
 )
 
 
 def echo_verdicts(line: str) -> None:
-    """Like `say`; on a terminal verdicts at its begin and counted ones have colours."""
+    """Print a line; on a terminal, verdicts at its start and after numbers are colored."""
     echo(line, colour=is_live(sys.stdout) and "NO_COLOR" not in os.environ)
 
 
@@ -43,9 +43,9 @@ def _coloured(found: re.Match[str]) -> str:
 
 
 def echo_data(text: str) -> None:
-    """Print what programs read: to a terminal as it can be shown there, otherwise as it is.
+    """Print text for programs unchanged, but only printable characters on a terminal.
 
-    Lone surrogates, which no encoding has, are written as `\\ud800` everywhere.
+    Lone surrogates, which cannot be encoded, are written as `\\ud800`.
     """
     encodable = text.encode("utf-8", "backslashreplace").decode()
     sys.stdout.write(printable(text) if sys.stdout.isatty() else encodable)

@@ -1,4 +1,4 @@
-"""A line on the terminal while something takes its time."""
+"""Show a line on the terminal during long work."""
 
 from __future__ import annotations
 
@@ -11,35 +11,30 @@ from shutil import get_terminal_size
 from threading import Event, Thread
 
 AFTER = 1.0
-"""Shorter work is not shown [s]."""
+"""Minimum duration of work that is shown [s]."""
 EVERY = 0.2
-"""[s]"""
+"""Time between two updates [s]."""
 _CLEAR = "\r\x1b[K"
 
 _log = logging.getLogger(__name__)
 
-Tell = Callable[[str], None]
-
 
 @contextmanager
-def progress_line(what: str) -> Iterator[Tell]:
-    """Show the current work and its duration on a terminal; the line disappears at the end.
-
-    Args:
-        what: is being done.
+def progress_line(title: str) -> Iterator[Callable[[str], None]]:
+    """Show the current work and its duration on a terminal, and remove the line at the end.
 
     Yields:
-        Takes what of it is being done right now.
+        Function that shows the current step.
     """
-    news = [""]
+    step = [""]
     done = Event()
-    thread = Thread(target=_show, args=(what, news, done), daemon=True)
+    thread = Thread(target=_show, args=(title, step, done), daemon=True)
     if sys.stderr.isatty():
         thread.start()
 
     def show(text: str) -> None:
         _log.info("%s", text)
-        news[0] = text
+        step[0] = text
 
     try:
         yield show
@@ -49,12 +44,12 @@ def progress_line(what: str) -> Iterator[Tell]:
             thread.join()
 
 
-def _show(what: str, news: list[str], done: Event) -> None:
+def _show(title: str, step: list[str], done: Event) -> None:
     began = time.monotonic()
     if done.wait(AFTER):
         return
     while True:
-        line = f"{what} … {time.monotonic() - began:.0f} s  {news[0]}".replace("\n", " ")
+        line = f"{title} … {time.monotonic() - began:.0f} s  {step[0]}".replace("\n", " ")
         sys.stderr.write(_CLEAR + line[: get_terminal_size().columns - 1])
         sys.stderr.flush()
         if done.wait(EVERY):

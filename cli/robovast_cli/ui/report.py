@@ -21,7 +21,7 @@ from robovast.base.task_record import report
 _SENTENCES = re.compile(r"[^.]\. +[A-Z`$]")
 """Where a sentence follows another one."""
 BROKEN_PIPE = 141
-"""Exit code when the reader of the output has gone, as of every program that SIGPIPE ends."""
+"""Exit code if the output cannot be written to a closed pipe, as after SIGPIPE."""
 
 
 @contextlib.contextmanager
@@ -63,7 +63,7 @@ def report_errors() -> Iterator[None]:
 
 
 def silence_stdout() -> None:
-    """Let nothing more fail because the reader of stdout has gone."""
+    """Discard further output on stdout, because its reader has closed the pipe."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -1,4 +1,4 @@
-"""Results of a search in a few lines."""
+"""Summarize the results of a search in a few lines."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def search_lines(summary: SearchSummary) -> Iterator[str]:
 
 
 def _equal(best: Evaluation, known: Iterable[Evaluation]) -> int:
-    """How many sets have the objectives of the best one, which is among them."""
+    """Return the number of sets with the objectives of the best set."""
     return len({ev.params.id for ev in known if ev.objectives == best.objectives})
 
 
 def listed(values: Mapping[str, Any]) -> str:
-    """`speed 1.25, load 3`."""
+    """Return `speed 1.25, load 3`."""
     return ", ".join(f"{name} {shown_number(value)}" for name, value in values.items())
 
 
 def shown_number(value: object) -> str:
-    """A value with at most six digits."""
+    """Return a value with at most six digits."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -55,13 +55,7 @@ class Findings:
 
 
 def print_summary(findings: Findings, output: Format, worst: int) -> None:
-    """Print the summary of a campaign.
-
-    Args:
-        findings: rates, causes and effects of the campaign.
-        output: format.
-        worst: number of configurations, and of causes, in the text; 0 means all.
-    """
+    """Print the summary of a campaign, with at most `worst` lines in each table (0: all)."""
     if output == "json":
         echo_json(_data(findings))
     else:

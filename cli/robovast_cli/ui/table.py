@@ -1,4 +1,4 @@
-"""Text in columns."""
+"""Format text in columns."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from robovast.base.printable import one_line
 
 WIDEST_CELL = 40
 WIDEST_REASON = 60
-"""Most characters of why a run did not pass."""
+"""Maximum length of a reason."""
 NARROWEST = 6
-"""Least width to which a column is cut on a terminal [characters]."""
+"""Minimum width of a column on a terminal [characters]."""
 MOST_LINES = 8
-"""Most lines of one cell."""
+"""Maximum number of lines of a cell."""
 _GAP = "  "
 
 
 def format_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Text in columns as wide as their widest cell; on a terminal, as wide as it at most."""
+    """Return text in columns that fit their widest cell, and also the terminal."""
     lines = [[one_line(cell) for cell in row] for row in (columns, *rows)]
     widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
     if sys.stdout.isatty():
@@ -30,7 +30,7 @@ def format_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """A row of as many lines as its longest cell needs; words are not broken."""
+    """Return a row with as many lines as its longest cell needs; words are not broken."""
     columns = [_lines(cell, width) for cell, width in zip(cells, widths, strict=True)]
     padded = (
         (f"{text:<{width}}" for text, width in zip(line, widths, strict=True))
@@ -50,12 +50,12 @@ def _lines(cell: str, width: int) -> list[str]:
 
 
 def shortened(text: str, width: int) -> str:
-    """A text of at most so many characters; `…` stands for its end."""
+    """Return a text of at most `width` characters; `…` replaces its end."""
     return text if len(text) <= width else text[: max(0, width - 1)] + "…"
 
 
 def fitting(widths: Sequence[int], width: int) -> list[int]:
-    """Widths of columns that fit: the widest are made narrower, the first one last.
+    """Return widths of columns that fit into a width: reduce the widest first, the first one last.
 
     Columns that still do not fit keep `NARROWEST` characters.
     """
@@ -71,7 +71,7 @@ def fitting(widths: Sequence[int], width: int) -> list[int]:
 
 
 def _narrower(widths: Sequence[int], room: int) -> list[int]:
-    """Widths that fill the room: the largest ones are cut to a common limit."""
+    """Return widths that fit into the room, the largest reduced to a common limit."""
     limit = next(
         (
             limit
@@ -84,5 +84,5 @@ def _narrower(widths: Sequence[int], room: int) -> list[int]:
 
 
 def counted(number: int, noun: str) -> str:
-    """A number with its noun, which gets an `s` except after 1."""
+    """Return a number with its noun, in the plural with `s` unless the number is 1."""
     return f"1 {noun}" if number == 1 else f"{number} {noun}s"

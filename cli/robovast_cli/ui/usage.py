@@ -87,7 +87,7 @@ def _lowered(text: str) -> str:
 
 
 def name_parameters(command: Any) -> Any:
-    """The command, whose help names values, arguments and defaults in our words, not Typer's."""
+    """Return a command whose help has the names of values and defaults of the style guide."""
     for param in command.params:
         param.get_help_record = partial(_help_record, param.get_help_record)
         if param.param_type_name == "argument":
@@ -102,7 +102,7 @@ def name_parameters(command: Any) -> Any:
 
 
 def normalize_paths(command: Any) -> Any:
-    """The command, which receives all its paths without `..`; see `normalized`."""
+    """Return a command that receives all its paths without `..`; see `normalized`."""
     for param in command.params:
         if param.type_descriptor.annotation is Path and param.callback is None:
             param.callback = _normalized
@@ -143,7 +143,7 @@ def _single(command: Any, param: Any) -> Any:
 
 
 def _help_record(original: Any, ctx: Any) -> tuple[str, str] | None:
-    """Name and help of a parameter, with "(default: X)" in its first sentence."""
+    """Return name and help of a parameter, with "(default: X)" in its first sentence."""
     record: tuple[str, str] | None = original(ctx)
     found = _EXTRA.search(record[1]) if record else None
     if record is None or found is None:
@@ -157,7 +157,7 @@ def _help_record(original: Any, ctx: Any) -> tuple[str, str] | None:
 
 
 def _range(text: str) -> str:
-    """The range of a number, `1<=x<=9`, in words; other text as it is."""
+    """Return the range of a number, `1<=x<=9`, in words; other text unchanged."""
     low, sign, rest = text.partition("<=x")
     if sign:
         return f"{low} to {rest.removeprefix('<=')}"

@@ -106,9 +106,9 @@ def import_configs(
     """
     target: Path = ctx.obj.path
     document = load_document(target)
-    given = _read_entries(source, read_scenario(document.scenario))
-    _reject_existing_names(document, given)
-    entries = [entry for entry in given if _is_usable(document, entry, source)]
+    read = _read_entries(source, read_scenario(document.scenario))
+    _reject_existing_names(document, read)
+    entries = [entry for entry in read if _is_usable(document, entry, source)]
     if not entries:
         raise InputError(
             f"{source}: no configuration can be used in {target}.",
@@ -126,16 +126,17 @@ def import_configs(
 def _reject_existing_names(document: Document, entries: Sequence[Any]) -> None:
     known = {entry.name for entry in document.vast.configuration or ()}
     names = [entry.get("name") for entry in entries if isinstance(entry, dict)]
-    there = [name for name in names if name in known]
-    if there:
+    existing = [name for name in names if name in known]
+    if existing:
         raise InputError(
-            f"{document.path}: configurations with these names exist already: {', '.join(there)}",
+            f"{document.path}: configurations with these names exist already: "
+            f"{', '.join(existing)}",
             hint="rename them in one of the files",
         )
 
 
 def _reject_generated_names(document: Document, source: Path) -> None:
-    """Refuse names that variations of the document create already."""
+    """Raise an InputError if variations create configurations with equal names."""
     try:
         with expanded_variants(document):
             pass
@@ -145,11 +146,11 @@ def _reject_generated_names(document: Document, source: Path) -> None:
 
 
 def _is_usable(document: Document, entry: Any, source: Path) -> bool:
-    """Whether a document can be expanded with this entry only; shows the reason if not."""
+    """Return whether an entry alone can be expanded; print the reason if not."""
     data = {**document.source.data, "configuration": [entry]}
     try:
-        alone = check_source(Source(document.path, dump_yaml(data)))
-        with expanded_variants(alone):
+        single = check_source(Source(document.path, dump_yaml(data)))
+        with expanded_variants(single):
             return True
     except DocumentError as error:
         cause = "; ".join(f"{problem.key}: {problem.message}" for problem in error.problems)
@@ -161,7 +162,7 @@ def _is_usable(document: Document, entry: Any, source: Path) -> bool:
 
 
 def append_entries(text: str, entries: Sequence[Any], file: Path) -> str:
-    """The text of a .vast file with added entries; existing text is not changed.
+    """Return the text of a .vast file with added entries; existing text is not changed.
 
     Raises:
         InputError: the file, or its `configuration`, is written in brackets.
@@ -187,14 +188,14 @@ def _reject_flow_style(node: yaml.Node | None, file: Path) -> None:
 
 
 def _with_section(text: str, entries: Sequence[Any], empty: yaml.Node | None) -> str:
-    """The text with a `configuration` list where it had none, or an empty one."""
+    """Return the text with a new `configuration` list, also in place of an empty one."""
     if empty is None:
         return _inserted(text, len(text), dump_yaml({"configuration": entries}))
     return _inserted(text, _end_of_line(text, empty.end_mark.index), dump_yaml(entries))
 
 
 def _last_mark(node: yaml.Node) -> yaml.Mark:
-    """The end of a node's last value; a collection's own end mark is behind comments."""
+    """Return the end of the last value of a node, which is before trailing comments."""
     if isinstance(node, yaml.ScalarNode) or not node.value:
         return node.end_mark
     children = node.value if isinstance(node, yaml.SequenceNode) else sum(node.value, ())

@@ -77,7 +77,7 @@ def _work_folder(out: Path, keep: bool) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def _cache(use: bool) -> Iterator[None]:
-    """Without the cache, a temporary one is used."""
+    """Use an empty temporary cache unless `use` is true."""
     if use:
         yield
         return

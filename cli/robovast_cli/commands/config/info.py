@@ -43,7 +43,7 @@ from robovast_cli.ui.report import echo_stderr, message_of
 from robovast_cli.ui.table import counted, format_table
 
 MOST_ERRORS = 20
-"""Errors of entries that a check reports at most."""
+"""Maximum number of errors of a check."""
 
 
 @examples(
@@ -75,26 +75,26 @@ def check(ctx: typer.Context) -> None:
     for difference in differences(document):
         typer.echo(f"differs from the original RoboVAST: {difference}", err=True)
     errors: list[RobovastError] = []
-    with _read_place(errors):
+    with _collect_errors(errors):
         _check_resources(document)
-    with _read_place(errors):
+    with _collect_errors(errors):
         check_gpus(document)
-    with _read_place(errors):
+    with _collect_errors(errors):
         check_syntax(document.scenario)
-    with _read_place(errors):
+    with _collect_errors(errors):
         count = _count(document)
     if errors:
         for entry in document.vast.configuration or ():
-            with _read_place(errors):
-                _count(_alone(document, entry))
+            with _collect_errors(errors):
+                _count(_with_entry(document, entry))
         _raise_all(errors)
     warnings = f", {counted(len(document.warnings), 'warning')}" if document.warnings else ""
     typer.echo(f"{document.source.file}: valid, {counted(count, 'configuration')}{warnings}")
 
 
 @contextmanager
-def _read_place(errors: list[RobovastError]) -> Iterator[None]:
-    """Add an error to a list, unless it has stopped growing or has that error already."""
+def _collect_errors(errors: list[RobovastError]) -> Iterator[None]:
+    """Add an error to a list, unless the list is full or contains the same error."""
     try:
         yield
     except RobovastError as error:
@@ -103,7 +103,7 @@ def _read_place(errors: list[RobovastError]) -> Iterator[None]:
 
 
 def _raise_all(errors: Sequence[RobovastError]) -> NoReturn:
-    """Raise one error, if possible one of the user's input, and print the others."""
+    """Print all errors but one, and raise this one, preferably an InputError."""
     *others, last = sorted(errors, key=lambda error: isinstance(error, InputError))
     for error in others:
         echo_stderr(message_of(error))
@@ -115,39 +115,39 @@ def _count(document: Document) -> int:
         return len(variants)
 
 
-def _alone(document: Document, entry: ConfigurationEntry) -> Document:
-    """A document with one of its entries."""
+def _with_entry(document: Document, entry: ConfigurationEntry) -> Document:
+    """Return a document with only one of its entries."""
     return replace(document, vast=document.vast.model_copy(update={"configuration": [entry]}))
 
 
 def _check_resources(document: Document) -> None:
-    """Raise a DocumentError that names every amount that is none."""
+    """Raise a DocumentError with all invalid quantities."""
     execution, source = document.vast.execution, document.source
     problems = [
-        source.problem(("execution", *path), said)
+        source.problem(("execution", *path), message)
         for path, value, parse in _quantities(execution)
-        for said in _invalid_quantities(value, parse)
+        for message in _invalid_quantities(value, parse)
     ]
     if problems:
         raise DocumentError(problems)
 
 
 def _quantities(execution: Execution) -> Iterator[tuple[KeyPath, Any, Callable[[Any], float]]]:
-    """The amounts that the section names: place, value, how it is read."""
+    """Yield key path, value and parser of each quantity in the section `execution`."""
     containers: dict[KeyPath, Resources] = {("resources",): execution.resources}
     for number, container in enumerate(execution.secondary_containers):
         containers["secondary_containers", number] = container.resources
-    for path, asked in containers.items():
-        yield (*path, "cpu"), asked.cpu, parse_cpus
-        yield (*path, "memory"), asked.memory, parse_memory_limit
-        yield (*path, "gpu"), asked.gpu, parse_gpus
+    for path, resources in containers.items():
+        yield (*path, "cpu"), resources.cpu, parse_cpus
+        yield (*path, "memory"), resources.memory, parse_memory_limit
+        yield (*path, "gpu"), resources.gpu, parse_gpus
     yield ("resources", "shm_size"), execution.resources.shm_size, parse_memory
     disk = execution.kubernetes.ephemeral_storage
     yield ("kubernetes", "ephemeral_storage"), disk, parse_disk
 
 
 def _invalid_quantities(value: Any, parse: Callable[[Any], float]) -> Iterator[str]:
-    """What is wrong with an amount, or with those for each context."""
+    """Yield the errors of a quantity, or of a list with a quantity for each context."""
     items = value if isinstance(value, list) else [{LOCAL_CONTEXT: value}]
     for amount in (amount for item in items for amount in item.values() if amount is not None):
         try:
@@ -224,17 +224,17 @@ def _describe_variations(entry: ConfigurationEntry) -> str:
 
 
 def _designs(document: Document) -> Iterator[str]:
-    """How much of the product each design covers."""
+    """Yield the share of the product that each combination design covers."""
     for entry in document.vast.configuration or ():
         if entry.design is not None:
             sizes = design_sizes(entry, document.folder)
             rows = rows_of(entry.design, sizes)
-            covered = [f"{w} {_share(*found)}" for w, found in coverages(rows, sizes).items()]
+            covered = [f"{w} {_ratio(*found)}" for w, found in coverages(rows, sizes).items()]
             product = f"{len(rows):,} of {math.prod(sizes):,} combinations"
             yield f"{entry.name}: {product}; {', '.join(covered)}"
 
 
-def _share(covered: int, all_: int) -> str:
+def _ratio(covered: int, all_: int) -> str:
     return f"{covered} of {all_} ({percent(covered / all_)})"
 
 

@@ -56,13 +56,7 @@ def gui(ctx: typer.Context, debug: Annotated[bool, typer.Option("--debug")] = Fa
 
 
 def print_configurations(document: Document, output: Format, *, internal: bool) -> None:
-    """Print the configurations of a document; equal documents give equal bytes.
-
-    Args:
-        document: a checked document.
-        output: format of the output.
-        internal: also show keys that begin with `_`.
-    """
+    """Print the configurations of a document, with `internal` also keys that begin with `_`."""
     with expanded_variants(document) as variants:
         text = _FORMATS[output](variants, internal)
     if output == "table":
@@ -71,7 +65,7 @@ def print_configurations(document: Document, output: Format, *, internal: bool) 
 
 
 def record(variant: Variant, *, internal: bool) -> dict[str, Any]:
-    """A configuration as plain data."""
+    """Return a configuration as plain data."""
     if internal:
         return configuration_record(variant, timings=False)
     return {"name": variant.name, "config": _public(variant.parameters), **_public(variant.extra)}
@@ -95,7 +89,7 @@ def _yaml(variants: Sequence[Variant], internal: bool) -> str:
 
 
 def _table(variants: Sequence[Variant], internal: bool) -> str:
-    """One row a configuration, one column a parameter."""
+    """Return a table with a row for each configuration and a column for each parameter."""
     rows = [_cells(variant, internal) for variant in variants]
     columns = list(dict.fromkeys(key for row in rows for key in row))
     lines = (
@@ -117,7 +111,7 @@ def _cell(value: Any) -> str:
 
 
 def runs_of_each(execution: Execution) -> str:
-    """How often each configuration is run: `20`, or `3 to 50`."""
+    """Return the number of runs of each configuration: `20`, or `3 to 50`."""
     runs = execution.runs
     return str(runs) if isinstance(runs, int) else f"{runs.min} to {runs.max}"
 

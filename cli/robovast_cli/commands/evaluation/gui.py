@@ -103,7 +103,7 @@ def gui(
     campaign, and downloads the files of a run to a temporary folder when you open the run.
     Nothing is postprocessed or started.
     """
-    serve = serving()
+    serve = import_server()
     if bucket is not None:
         if results_dir is not None:
             raise InputError(
@@ -120,7 +120,7 @@ def gui(
 
     def show(address: str) -> None:
         page = f"{address}#/campaign/{quote(campaign)}" if campaign else address
-        present(folder, page, no_browser=no_browser)
+        show_page(folder, page, no_browser=no_browser)
 
     serve(
         Library(root.parent if campaign else root),
@@ -151,12 +151,12 @@ def _show_bucket(
 
         def show(address: str) -> None:
             page = f"{address}#/campaign/{quote(found.campaign)}"
-            present(library.place, page, no_browser=no_browser)
+            show_page(library.place, page, no_browser=no_browser)
 
         serve(library, port, show, starting=Starting([], None, IN_BUCKET, False, echo))
 
 
-def serving() -> "Callable[..., None]":
+def import_server() -> "Callable[..., None]":
     """Return the function that serves the web UI.
 
     Raises:
@@ -167,9 +167,8 @@ def serving() -> "Callable[..., None]":
     return serve
 
 
-def present(folder: Path | str, page: str, *, no_browser: bool) -> None:
-    """Print the address of a page that shows a folder or bucket, and open it where there is a
-    screen."""
+def show_page(folder: Path | str, page: str, *, no_browser: bool) -> None:
+    """Print the address of a page about a folder or bucket, and open it if there is a display."""
     echo(f"Showing {folder}: {page}")
     if not no_browser and (os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}):
         Thread(target=webbrowser.open, args=(page,), daemon=True).start()  # some block
@@ -178,7 +177,7 @@ def present(folder: Path | str, page: str, *, no_browser: bool) -> None:
 def make_starting(
     workspace: Workspace, override: Path | None, no_start: bool, postprocess: bool
 ) -> "Starting":
-    """Return the document of campaigns that the web UI starts: the override's or the project's."""
+    """Return how to start campaigns, with the .vast file of `override`, else of the project."""
     from robovast.evaluation.server.launches import Starting
 
     program = _program()
@@ -195,19 +194,19 @@ def make_starting(
 
 
 def _program() -> list[str]:
-    """The command line of `vast`; no module of this folder takes its place."""
+    """Return the command line of `vast`, which no module in the current folder can replace."""
     return [sys.executable, "-P", "-m", "robovast_cli"]
 
 
 def _preparation(folder: Path, force: bool, override: Path | None) -> "Preparation":
-    """Update the tables; if that fails, the web UI reports it and shows existing tables."""
+    """Return the command that updates the tables; if it fails, the web UI shows old tables."""
     from robovast.evaluation.campaigns import find_campaigns
     from robovast.evaluation.server.preparing import Preparation
     from robovast.model.naming import holds_campaign
 
     root = folder.resolve()
     found = [root] if holds_campaign(root) else [root / name for name in find_campaigns(root)]
-    words = [*_program(), "results", "postprocess", "-r", str(folder)]
-    words += ["--force"] if force else []
-    words += ["--override", str(override)] if override else []
-    return Preparation(words, found, echo)
+    command = [*_program(), "results", "postprocess", "-r", str(folder)]
+    command += ["--force"] if force else []
+    command += ["--override", str(override)] if override else []
+    return Preparation(command, found, echo)

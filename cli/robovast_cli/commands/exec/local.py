@@ -173,7 +173,7 @@ def run(
         raise UsageError(message, ctx, hint="use one of them")
     document = ctx.obj.document()
     if out and not (output or config):
-        options = campaign.meant(document, out, options)
+        options = campaign.resolve_selection(document, out, options)
         out = None if options.select else out
     return campaign.start(document, out or output or ctx.obj.results, options)
 

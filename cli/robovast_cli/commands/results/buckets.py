@@ -27,13 +27,9 @@ BUCKET_HELP = (
     "results folder or of its bucket"
 )
 Buckets = Annotated[
-    list[str] | None,
-    typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP} (repeatable)."),
+    list[str] | None, typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP} (repeatable).")
 ]
-Bucket = Annotated[
-    str | None,
-    typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP}."),
-]
+Bucket = Annotated[str | None, typer.Option("--bucket", metavar="NAME", help=f"{BUCKET_HELP}.")]
 Context = Annotated[
     str | None,
     typer.Option(

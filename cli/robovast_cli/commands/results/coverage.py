@@ -75,12 +75,7 @@ def coverage(
 
 
 def _coverage_text(entries: Sequence[EntryCoverage], most: int) -> str:
-    """Describe the coverage of each entry.
-
-    Args:
-        entries: the coverage of each.
-        most: lines of each table; 0 means all.
-    """
+    """Describe the coverage of each entry in tables of at most `most` lines (0: all)."""
     return "\n".join("".join(_entry(entry, most)) for entry in entries)
 
 
@@ -120,7 +115,7 @@ def _gaps_document(document: Document, entries: Sequence[EntryCoverage]) -> tupl
     Raises:
         InputError: no pair is missing, or values are random, or files are generated.
     """
-    made: list[dict[str, Any]] = []
+    configurations: list[dict[str, Any]] = []
     for found in entries:
         rows = completing(found.counts, found.sizes)
         if rows and any(axis.drawn for axis in found.axes):
@@ -133,13 +128,13 @@ def _gaps_document(document: Document, entries: Sequence[EntryCoverage]) -> tupl
             raise InputError(
                 f"`{found.entry.name}` generates files, which a .vast file cannot list."
             )
-        made += [
+        configurations += [
             {
                 "name": variant.name,
                 "parameters": [{name: value} for name, value in variant.parameters.items()],
             }
             for variant in variants
         ]
-    if not made:
+    if not configurations:
         raise InputError("no coverage gaps: every pair of values was run.")
-    return dump_yaml({**document.source.data, "configuration": made}), len(made)
+    return dump_yaml({**document.source.data, "configuration": configurations}), len(configurations)

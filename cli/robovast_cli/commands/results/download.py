@@ -140,12 +140,7 @@ def _download_shared(
 
 
 def _download_campaigns(
-    context: str | None,
-    namespace: str | None,
-    names: Sequence[str],
-    output: Path,
-    *,
-    force: bool,
+    context: str | None, namespace: str | None, names: Sequence[str], output: Path, *, force: bool
 ) -> None:
     """Download campaigns by name (default: all), with `force` also existing runs."""
     with connect(context, namespace) as kube:

@@ -35,8 +35,7 @@ Target = Annotated[
 ]
 
 AnswerFormat = Annotated[
-    Literal["table", "csv", "json"],
-    typer.Option("-o", "--output", help="Output format."),
+    Literal["table", "csv", "json"], typer.Option("-o", "--output", help="Output format.")
 ]
 
 ReportFormat = Annotated[

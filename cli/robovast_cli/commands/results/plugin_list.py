@@ -17,18 +17,18 @@ _ARGUMENTS = re.compile(r"^Args:\n(?P<items>(?: .*\n?|\n(?= ))+)", re.MULTILINE)
 _ARGUMENT = re.compile(r"^ {4}(\w+)(?: \([^)]*\))?: (.*(?:\n {5,}.*)*)", re.MULTILINE)
 
 
-def describe_plugins(group: str, given: Collection[str]) -> str:
-    """All installed plugins of a group, with errors for those that cannot be loaded.
+def describe_plugins(group: str, reserved: Collection[str]) -> str:
+    """Return a list of the plugins of a group, with errors for plugins that cannot be loaded.
 
     Args:
         group: entry-point group.
-        given: parameters that no .vast file sets.
+        reserved: names of parameters that a .vast file cannot set.
     """
     points = sorted(plugins_of(group).values(), key=lambda point: point.name)
-    return "\n\n".join("\n".join(_describe_plugin(point, given)) for point in points)
+    return "\n\n".join("\n".join(_describe_plugin(point, reserved)) for point in points)
 
 
-def _describe_plugin(point: EntryPoint, given: Collection[str]) -> Iterator[str]:
+def _describe_plugin(point: EntryPoint, reserved: Collection[str]) -> Iterator[str]:
     try:
         plugin = point.load()
     except Exception as error:  # a plugin's code may raise anything
@@ -37,17 +37,17 @@ def _describe_plugin(point: EntryPoint, given: Collection[str]) -> Iterator[str]
     yield f"{point.name}  ({origin(point)})"
     about = inspect.getdoc(plugin) or ""
     yield f"    {_one_line(about.partition(chr(10) * 2)[0])}".rstrip()
-    told = _told(about) | _told(inspect.getdoc(_call(plugin)) or "")
+    texts = _describe_arguments(about) | _describe_arguments(inspect.getdoc(_call(plugin)) or "")
     rows = [
-        [f"    {name}", _default(parameter.default), told.get(name, "")]
-        for name, parameter in _parameters(plugin, given).items()
+        [f"    {name}", _default(parameter.default), texts.get(name, "")]
+        for name, parameter in _parameters(plugin, reserved).items()
     ]
     if rows:
         yield format_table(["", "", ""], rows).strip("\n")
 
 
 def _default(value: Any) -> str:
-    """A value as written in a .vast file."""
+    """Return a default value as written in a .vast file."""
     if value is inspect.Parameter.empty:
         return "required"
     if value is None:
@@ -56,8 +56,8 @@ def _default(value: Any) -> str:
     return f"default {json.dumps(plain, default=str, ensure_ascii=False)}"
 
 
-def _told(docstring: str) -> dict[str, str]:
-    """Descriptions of arguments in a docstring."""
+def _describe_arguments(docstring: str) -> dict[str, str]:
+    """Return the descriptions of arguments in a docstring."""
     arguments = _ARGUMENTS.search(docstring)
     items = _ARGUMENT.findall(arguments["items"]) if arguments else []
     return {name: _one_line(text) for name, text in items}
@@ -71,10 +71,10 @@ def _call(plugin: Any) -> Any:
     return plugin if inspect.isfunction(plugin) else plugin.__call__
 
 
-def _parameters(plugin: Any, given: Collection[str]) -> dict[str, inspect.Parameter]:
+def _parameters(plugin: Any, reserved: Collection[str]) -> dict[str, inspect.Parameter]:
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     return {
         name: parameter
         for name, parameter in inspect.signature(_call(plugin)).parameters.items()
-        if name not in {*given, "self"} and parameter.kind in kinds
+        if name not in {*reserved, "self"} and parameter.kind in kinds
     }

@@ -18,12 +18,7 @@ from robovast_cli.ui.campaign_report import texts
 from robovast_cli.ui.campaign_report.markup import Markup, joined, tag
 from robovast_cli.ui.table import shortened
 
-_SIGNS = {
-    Verdict.PASSED: "✓",
-    Verdict.FAILED: "✕",
-    Verdict.ERRORED: "!",
-    Verdict.INTERRUPTED: "–",
-}
+_SIGNS = {Verdict.PASSED: "✓", Verdict.FAILED: "✕", Verdict.ERRORED: "!", Verdict.INTERRUPTED: "–"}
 _PALEST = 0.7
 """How much paler a cell is if its rate is unknown."""
 _MOST_IN_PRINT = 8
@@ -161,9 +156,7 @@ def _matrix(found: Matrix, units: dict[str, str], interval_of: IntervalOf) -> Ma
     labels = [tag("th", _label(label), scope="col") for label in found.across.labels]
     rows = (
         tag(
-            "tr",
-            tag("th", _label(label), scope="row"),
-            *(_cell(cell, interval_of) for cell in row),
+            "tr", tag("th", _label(label), scope="row"), *(_cell(cell, interval_of) for cell in row)
         )
         for label, row in zip(found.down.labels, found.cells, strict=True)
     )

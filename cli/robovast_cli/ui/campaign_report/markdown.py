@@ -11,13 +11,7 @@ from robovast.evaluation.matrix import Matrix
 from robovast.evaluation.rates import VariantRate
 from robovast_cli.ui import comparison, summary
 from robovast_cli.ui.campaign_report import texts
-from robovast_cli.ui.markdown import (
-    code,
-    code_block,
-    escaped,
-    markdown_table,
-    table_of_markup,
-)
+from robovast_cli.ui.markdown import code, code_block, escaped, markdown_table, table_of_markup
 from robovast_cli.ui.table import shortened
 
 

@@ -22,10 +22,10 @@ _PACKAGE = Path(robovast.__file__).parent
 
 
 def chart_folder() -> Path:
-    """The chart: in the package, or in the checkout that the package is installed from.
+    """Return the folder of the chart, in the package or in its checkout.
 
     Raises:
-        CannotRunError: it is in neither.
+        CannotRunError: the chart is missing.
     """
     for folder in (_PACKAGE / "chart", _PACKAGE.parents[1] / "helm" / "robovast"):
         if (folder / "Chart.yaml").is_file():
@@ -43,7 +43,7 @@ class Helm:
         self._where = ["--namespace", namespace, *(["--kube-context", context] if context else [])]
 
     def installed(self) -> str | None:
-        """Description of the release that is installed; None when none is."""
+        """Return the description of the installed release, or None."""
         result = self._run("status", RELEASE, "--output", "json", check=False)
         if result.returncode:
             if "not found" in result.stderr:
@@ -54,14 +54,12 @@ class Helm:
     def install(self, values: Mapping[str, Any], description: str) -> None:
         """Install or upgrade the chart, and wait until its pods are ready.
 
-        Args:
-            values: of the chart; they may hold credentials, so no command line shows them.
-            description: of the release.
+        The values can contain credentials, so they are passed in a file.
         """
         with NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
             file.write(dump_yaml(values))
             file.flush()
-            # Resource definitions stay when a release goes, and no other could have them then.
+            # CRDs remain after a release was deleted, and must be usable by the next one.
             self._run(
                 *("upgrade", RELEASE, str(chart_folder()), "--install", "--create-namespace"),
                 "--take-ownership",

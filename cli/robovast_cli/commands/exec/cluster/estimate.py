@@ -17,27 +17,22 @@ from robovast_cli.kube.api import connect
 from robovast_cli.kube.status import CampaignState, campaign_states, now
 from robovast_cli.ui.live_view import clock_time
 from robovast_cli.ui.output import echo
+from robovast_cli.ui.table import counted
 
 
 def print_estimate(
     document: Document, options: SubmitOptions, context: str | None, namespace: str | None
 ) -> None:
-    """Print how long a campaign of a document would take and cost; nothing is created.
-
-    Args:
-        document: the checked document.
-        options: what counts beside it.
-        context: of the kubeconfig; the current one when None.
-        namespace: the context's when None.
+    """Print the estimated duration and cost of a campaign of a document.
 
     Raises:
-        InputError: its number of runs is unknown.
+        InputError: the document is a search, so the number of runs is unknown.
     """
     runs = _runs_of(document, options)
     with connect(context, namespace) as kube:
         known = campaign_states(kube)
         cores = cores_of(document.vast.execution, kube.context or "")
-    earlier = list(_like(document, known))
+    earlier = list(_find_earlier(document, known))
     workers = options.parallelism or _default_parallelism()
     found = forecast(earlier, runs, workers)
     echo(f"{runs:,} runs, at most {min(runs, workers):,} in parallel.")
@@ -48,8 +43,8 @@ def print_estimate(
         return
     echo(
         f"Estimated duration: {clock_time(found.seconds)} (90 % interval {clock_time(found.least)} "
-        f"to {clock_time(found.most)}), based on {_campaigns(len(earlier))}. If started now, the "
-        f"campaign completes at about {_moment(found.seconds)}."
+        f"to {clock_time(found.most)}), based on {counted(len(earlier), 'earlier campaign')}. "
+        f"If started now, the campaign completes at about {_moment(found.seconds)}."
     )
     if cores:
         echo(_cost(found, cores * min(runs, workers)))
@@ -70,23 +65,19 @@ def _default_parallelism() -> int:
     return int(CampaignSpec.model_fields["parallelism"].default)
 
 
-def _like(document: Document, known: Iterable[CampaignState]) -> Iterator[Spent]:
-    """What campaigns of the same document took that were executed once, to their end."""
+def _find_earlier(document: Document, known: Iterable[CampaignState]) -> Iterator[Spent]:
+    """Yield the durations of finished campaigns of the same document, without repetitions."""
     name, metadata = document_name(document), document.vast.metadata.get("name")
     for campaign in known:
         spec, status = campaign.resource["spec"], campaign.status
         named = ((spec.get("vast") or {}).get("metadata") or {}).get("name")
-        ended = status.state == "Finished" and status.attempt == 1
-        if not ended or (spec.get("document"), named) != (name, metadata):
+        finished = status.state == "Finished" and status.attempt == 1
+        if not finished or (spec.get("document"), named) != (name, metadata):
             continue
         if status.start_time and status.completion_time and status.runs.total:
-            begun, over = map(datetime.fromisoformat, (status.start_time, status.completion_time))
+            start, end = map(datetime.fromisoformat, (status.start_time, status.completion_time))
             workers = int(spec.get("parallelism") or _default_parallelism())
-            yield Spent(status.runs.total, workers, max(1.0, (over - begun).total_seconds()))
-
-
-def _campaigns(number: int) -> str:
-    return "1 earlier campaign" if number == 1 else f"{number} earlier campaigns"
+            yield Spent(status.runs.total, workers, max(1.0, (end - start).total_seconds()))
 
 
 def _moment(seconds: float) -> str:
@@ -94,7 +85,7 @@ def _moment(seconds: float) -> str:
 
 
 def _cost(found: Forecast, cores: float) -> str:
-    """The CPU-hours that its pods ask for."""
+    """Return the estimated CPU-hours, from the requests of the pods."""
     hours = [cores * seconds / 3600 for seconds in (found.seconds, found.least, found.most)]
     interval = f"90 % interval {hours[1]:.2g} to {hours[2]:.2g}"
     return f"Estimated cost: {hours[0]:.2g} CPU-hours ({interval})."

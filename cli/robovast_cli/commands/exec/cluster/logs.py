@@ -1,4 +1,4 @@
-"""`vast exec cluster logs`: the log of a run that waits, runs or is stored."""
+"""`vast exec cluster logs`: print the log of a pending, running or stored run."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from robovast_cli.ui.output import echo_data
 from robovast_cli.ui.report import echo_stderr
 
 INTERVAL = 2.0
-"""Time between two looks at a run that waits [s]."""
+"""Time between two requests for a pending run [s]."""
 
 
 @dataclass(frozen=True)
@@ -99,15 +99,15 @@ def logs(
             )
         with open_runs(context, namespace, next(iter(names or []), None)) as (kube, runs):
             for run in runs.bad():
-                RunLog(kube, runs, run, options).show_titled()
+                RunLog(kube, runs, run, options).print_titled()
         return
     campaign, run = parse_names(names)
     with open_runs(context, namespace, campaign) as (kube, runs):
-        RunLog(kube, runs, run, options).show()
+        RunLog(kube, runs, run, options).print()
 
 
 def parse_names(names: Sequence[str] | None) -> tuple[str | None, str]:
-    """The campaign, if it is named, and the run.
+    """Return the campaign, if it is named, and the run.
 
     Raises:
         InputError: no run is named.
@@ -125,7 +125,7 @@ def parse_names(names: Sequence[str] | None) -> tuple[str | None, str]:
 def open_runs(
     context: str | None, namespace: str | None, name: str | None
 ) -> Iterator[tuple[Kubernetes, CampaignRuns]]:
-    """The runs of a campaign: the named one, else the only one, else the only unfinished one.
+    """Yield the runs of a campaign (default: the only one, else the only unfinished one).
 
     Raises:
         InputError: there is no such campaign.
@@ -154,7 +154,7 @@ def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
 
 
 class RunLog:
-    """The log of one run."""
+    """Prints the log of one run."""
 
     def __init__(self, kube: Kubernetes, runs: CampaignRuns, run: str, options: LogOptions) -> None:
         self._kube = kube
@@ -162,77 +162,77 @@ class RunLog:
         self._run = run
         self._options = options
 
-    def show(self) -> None:
-        """Print it, or why there is none yet; with `follow`, wait until there is."""
-        told = ""
+    def print(self) -> None:
+        """Print the log, or why it does not exist yet; with `follow`, wait until it exists."""
+        printed = ""
         while True:
             executor = self._runs.executor(self._run)
-            if executor is not None and self._show_live(executor):
+            if executor is not None and self._print_live(executor):
                 return
             record = self._runs.record(self._run)
             if record is not None:
-                self._show_stored(record)
+                self._print_stored(record)
                 return
             reason = self._waiting(executor)
-            if reason != told:
+            if reason != printed:
                 echo_stderr(f"{self._run} is pending: {reason.rstrip('.')}.")
-                told = reason
+                printed = reason
             if not self._options.follow:
                 return
             time.sleep(INTERVAL)
 
-    def show_titled(self) -> None:
-        """Print it below a line that says what became of the run."""
+    def print_titled(self) -> None:
+        """Print the log below a line with the verdict and the reason."""
         record = self._runs.record(self._run)
         if record is None:
-            _print([f"==> {self._run}: errored: never stored <=="])
+            _echo_lines([f"==> {self._run}: errored: never stored <=="])
             return
-        _print([f"==> {self._run}: {record.verdict}: {record.reason} <=="])
-        self._show_stored(record)
-        _print([""])
+        _echo_lines([f"==> {self._run}: {record.verdict}: {record.reason} <=="])
+        self._print_stored(record)
+        _echo_lines([""])
 
-    def _show_live(self, executor: Executor) -> bool:
-        """Print it from a pod, and what is added to it; False if the pod has none of the run."""
+    def _print_live(self, executor: Executor) -> bool:
+        """Print the log in a pod, with `follow` also new lines; return False without a log."""
         container = self._options.secondary or RUN
         check_container(executor.pod, container)
         if not has_started(executor.pod, container):
             return False
         try:
             lines = list(self._kube.log(executor.name, container))
-        except NotFoundError:  # the pod has gone meanwhile
+        except NotFoundError:  # the pod was deleted in the meantime
             return False
         if not lines and not is_prepared(executor.pod):
             return False
         shared = executor.runs > 1 and container == RUN
         parts = has_parts(lines) if shared else False
-        begun = list(part_of(lines, self._run)) if parts else []
-        elsewhere = parts and not begun
+        part = list(part_of(lines, self._run)) if parts else []
+        elsewhere = parts and not part
         if parts is None or elsewhere or (shared and not parts and self._is_stored(executor)):
             return False
-        shown = begun or self._whole(lines, executor.runs)
-        _print(self._options.last(shown))
+        shown = part or self._whole(lines, executor.runs)
+        _echo_lines(self._options.last(shown))
         if self._options.follow:
-            coming = self._kube.log(executor.name, container, follow=True)
-            grown = part_of(coming, self._run) if parts else coming
-            _print(islice(grown, len(shown), None))
+            live = self._kube.log(executor.name, container, follow=True)
+            new = part_of(live, self._run) if parts else live
+            _echo_lines(islice(new, len(shown), None))
         return True
 
     def _is_stored(self, executor: Executor) -> bool:
-        """Whether an earlier pod has stored the run that a pod's log does not name."""
+        """Return whether an earlier pod has stored a run that is not in the log of a pod."""
         record = self._runs.record(self._run)
         return record is not None and record.attempt >= executor.attempt
 
-    def _show_stored(self, record: RunRecord) -> None:
+    def _print_stored(self, record: RunRecord) -> None:
         path = log_path(self._options.secondary)
         with self._runs.stored_log(record.job, path) as file:
             text = read_end(file, file.parent, LARGEST)[0].decode("utf-8", "replace")
         lines = text.removesuffix("\n").split("\n")
         part = list(part_of(lines, self._run))
         runs = 1 if part else self._runs.runs_of_job(record.job)
-        _print(self._options.last(part or self._whole(lines, runs)))
+        _echo_lines(self._options.last(part or self._whole(lines, runs)))
 
     def _whole(self, lines: Sequence[str], runs: int) -> Sequence[str]:
-        """All lines of a job's log, with a note if other runs are in it."""
+        """Return the lines of the log of a job; print a note if it has several runs."""
         if runs > 1:
             echo_stderr(
                 f"{self._run}: the log is from a job with {runs} runs and cannot be divided."
@@ -240,7 +240,7 @@ class RunLog:
         return lines
 
     def _waiting(self, executor: Executor | None) -> str:
-        """Why a run is neither executed nor stored."""
+        """Return why a run is neither running nor stored."""
         campaign = self._runs.campaign
         if executor is not None and is_prepared(executor.pod) and has_started(executor.pod, RUN):
             return f"its pod {executor.name} has not started this run yet"
@@ -263,7 +263,7 @@ class RunLog:
         return f"the run has no pod yet ({campaign.counts()})"
 
 
-def _print(lines: Iterable[str]) -> None:
+def _echo_lines(lines: Iterable[str]) -> None:
     for line in lines:
         echo_data(f"{line}\n")
         sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""`vast exec cluster setup`, `cleanup` and `prepare-setup`: RoboVAST itself in a cluster."""
+"""`vast exec cluster setup`, `cleanup` and `prepare-setup`: install RoboVAST in a cluster."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from robovast_cli.ui.table import format_table
 
 GROUP = "robovast.cluster_configs"
 _DESCRIPTION = "vast exec cluster setup "
-"""Begins the description of a release that `setup` installed; the cluster configuration follows."""
+"""Start of the description of a release of `setup`, before the cluster configuration."""
 ConfigOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -76,11 +76,11 @@ def setup(
     if list_ or cluster_config is None:
         _list_configs()
         return
-    config, given, changes = _load_config(cluster_config, option)
+    config, settings, changes = _load_config(cluster_config, option)
     with connect(context, namespace) as kube:
         helm = Helm(kube.namespace, kube.context)
         _reject_other_config(helm.installed(), cluster_config, force=force)
-        config.setup_cluster(namespace=kube.namespace, kube_context=kube.context, **given)
+        config.setup_cluster(namespace=kube.namespace, kube_context=kube.context, **settings)
         echo(f"Installing RoboVAST in the namespace {kube.namespace} …")
         helm.install(_merge(_values(config, kube), changes), _DESCRIPTION + cluster_config)
         config.verify_cluster_ready(namespace=kube.namespace, kube_context=kube.context)
@@ -143,7 +143,7 @@ def prepare_setup(
     ] = "default",
 ) -> None:
     """Write the chart, its values and instructions for a manual setup."""
-    config, given, changes = _load_config(cluster_config, option)
+    config, settings, changes = _load_config(cluster_config, option)
     values = _external_secret(config) | _kueue(config, is_there=False, context=None)
     with writing(out):
         if out.is_dir() and any(out.iterdir()) and not (out / "values.yaml").is_file():
@@ -152,7 +152,7 @@ def prepare_setup(
         shutil.rmtree(out / RELEASE, ignore_errors=True)
         shutil.copytree(chart_folder(), out / RELEASE)
         (out / "values.yaml").write_text(dump_yaml(_merge(values, changes)), encoding="utf-8")
-        config.prepare_setup_cluster(str(out), namespace=namespace, **given)
+        config.prepare_setup_cluster(str(out), namespace=namespace, **settings)
         (out / "README.md").write_text(_readme(cluster_config, config, namespace), encoding="utf-8")
     echo(f"Next: follow {out / 'README.md'}.")
 
@@ -160,12 +160,12 @@ def prepare_setup(
 def _load_config(
     name: str, options: Sequence[str] | None
 ) -> tuple[BaseConfig, dict[str, str], list[tuple[str, str]]]:
-    """The cluster configuration, its options, and values of the chart."""
+    """Return the cluster configuration, its options, and changed values of the chart."""
     pairs = [_pair(option) for option in options or ()]
-    given = {key: value for key, value in pairs if "." not in key}
+    settings = {key: value for key, value in pairs if "." not in key}
     config: BaseConfig = load_plugin(name, GROUP, ".")()
-    config.restore_from_setup_kwargs(given)
-    return config, given, [(key, value) for key, value in pairs if "." in key]
+    config.restore_from_setup_kwargs(settings)
+    return config, settings, [(key, value) for key, value in pairs if "." in key]
 
 
 def _pair(option: str) -> tuple[str, str]:
@@ -179,7 +179,7 @@ def _pair(option: str) -> tuple[str, str]:
 
 
 def _merge(values: dict[str, Any], changes: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """Values of a chart, some of them changed: `("operator.replicas", "2")`."""
+    """Return values of a chart with changes such as `("operator.replicas", "2")`."""
     changed = deepcopy(values)
     for key, value in changes:
         *path, last = key.split(".")
@@ -191,7 +191,7 @@ def _merge(values: dict[str, Any], changes: Sequence[tuple[str, str]]) -> dict[s
 
 
 def _reject_other_config(description: str | None, name: str, *, force: bool) -> None:
-    """Storage must not change by mistake: results in the old one would be out of sight."""
+    """Raise an error if the storage would change, because its results would not be accessible."""
     before = (description or "").removeprefix(_DESCRIPTION)
     if description and description.startswith(_DESCRIPTION) and before != name and not force:
         raise CannotRunError(
@@ -215,7 +215,7 @@ def _reject_running(kube: Kubernetes, *, force: bool) -> None:
 
 
 def _values(config: BaseConfig, kube: Kubernetes) -> dict[str, Any]:
-    """Values of the chart, credentials included."""
+    """Return the values of the chart, with credentials."""
     values: dict[str, Any] = config.chart_values()
     access, secret = config.get_s3_credentials()
     storage = values.setdefault("storage", {})
@@ -233,7 +233,7 @@ def _values(config: BaseConfig, kube: Kubernetes) -> dict[str, Any]:
 
 
 def _external_secret(config: BaseConfig) -> dict[str, Any]:
-    """Values of the chart that name a Secret where they would have credentials."""
+    """Return the values of the chart, with the name of a Secret instead of credentials."""
     values = config.chart_values()
     if not config.uses_embedded_s3():
         values["storage"].setdefault("credentials", {"existingSecret": CREDENTIALS_SECRET})

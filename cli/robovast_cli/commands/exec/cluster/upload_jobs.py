@@ -1,4 +1,4 @@
-"""Jobs that upload a campaign: begun once, followed to their end, and what they say."""
+"""Start and follow Jobs that upload a campaign to the file share."""
 
 from __future__ import annotations
 
@@ -15,24 +15,19 @@ from robovast_cli.kube.api import Json, Kubernetes
 from robovast_cli.kube.api_errors import ConflictError, UnreachableError
 
 INTERVAL = 1.0
-"""Time between two looks at a Job [s]."""
+"""Time between two requests for a Job [s]."""
 PATIENCE = 60.0
 """Time limit for the removal of a finished Job [s]."""
 JOB_LABEL = "batch.kubernetes.io/job-name"
 
 
 def start(kube: Kubernetes, upload: Upload, variables: Mapping[str, str]) -> bool:
-    """Begin an upload; False when one of the same campaign is in progress.
+    """Start an upload; return False if an upload of the same campaign is in progress.
 
-    The Job comes first, and waits: so the Secret has an owner from its first moment on.
-
-    Args:
-        kube: the cluster.
-        upload: what is uploaded.
-        variables: describe the share; only the Secret has them.
+    Creates a suspended Job first, so that it owns the Secret with the variables of the share.
 
     Raises:
-        RobovastError: the Job or its Secret could not be created; neither is left.
+        RobovastError: the Job or its Secret could not be created; neither remains.
     """
     found = kube.job(upload.job)
     if found is not None:
@@ -54,13 +49,9 @@ def start(kube: Kubernetes, upload: Upload, variables: Mapping[str, str]) -> boo
 
 
 def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None]) -> None:
-    """Show the last line of a Job's log whenever it is new, until the Job has succeeded.
+    """Call `show` with each new last line of a Job's log, until the Job has succeeded.
 
-    Args:
-        kube: the cluster; it may be gone for a while.
-        job: name of the Job.
-        campaign: what it uploads, for messages.
-        show: is given each line.
+    The API server may be unreachable for some time.
 
     Raises:
         RobovastError: the Job was deleted or has failed; the message quotes its pod.
@@ -75,7 +66,7 @@ def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None
                     hint="run the command again",
                 )
             pods = kube.pods({JOB_LABEL: job})
-            line = _news(kube, pods[-1]) if pods else ""
+            line = _last_line(kube, pods[-1]) if pods else ""
             if line and line != shown:
                 show(line)
                 shown = line
@@ -87,38 +78,37 @@ def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None
 
 
 def log_command(kube: Kubernetes, job: str) -> str:
-    """The command that prints the log of a Job's pod."""
+    """Return the command that prints the log of a Job's pod."""
     return f"kubectl --namespace {kube.namespace} logs job/{job}"
 
 
 def _failure(kube: Kubernetes, job: Json, pods: list[Json], campaign: str) -> RobovastError:
-    """The last pod's message, or else Kubernetes' reason for the Job's failure."""
+    """Return an error with the message of the last pod, else with the reason of the Job."""
     name = job["metadata"]["name"]
-    ends = [end for pod in reversed(pods) for end in _ends(pod)]
-    told = next((end for end in ends if end.get("message")), None)
+    ends = [end for pod in reversed(pods) for end in _terminations(pod)]
+    last = next((end for end in ends if end.get("message")), None)
     reasons = (item.get("message", "") for item in job["status"]["conditions"])
-    message = told["message"] if told else next(filter(None, reasons), "no reason was reported.")
-    kind = InputError if told and told.get("exitCode") == AgentExit.BAD_DOCUMENT else StorageError
+    message = last["message"] if last else next(filter(None, reasons), "no reason was reported.")
+    kind = InputError if last and last.get("exitCode") == AgentExit.BAD_DOCUMENT else StorageError
     return kind(
         f"{campaign} was not uploaded: {str(message).strip()}\n    Its log: "
         f"{log_command(kube, name)}"
     )
 
 
-def _news(kube: Kubernetes, pod: Json) -> str:
-    """The last line of a pod's log; before there is one, why the pod waits."""
-    waits = next(_waits(pod), "")
-    if waits:
-        return waits
+def _last_line(kube: Kubernetes, pod: Json) -> str:
+    """Return the last line of a pod's log, else the reason why the pod is pending."""
+    if reason := next(_waiting_reasons(pod), ""):
+        return reason
     try:
         lines = kube.log_end(pod["metadata"]["name"], 1).splitlines()
-    except RobovastError:  # not allowed, not begun yet, or its node does not answer
+    except RobovastError:  # forbidden, not started, or the node does not answer
         return ""
     return lines[-1] if lines else ""
 
 
-def _waits(pod: Json) -> Iterator[str]:
-    """Why a pod does not start, if it should be reported."""
+def _waiting_reasons(pod: Json) -> Iterator[str]:
+    """Yield the reasons why a pod does not start."""
     status = pod.get("status", {})
     for condition in status.get("conditions") or ():
         if condition["type"] == "PodScheduled" and condition["status"] == "False":
@@ -129,8 +119,8 @@ def _waits(pod: Json) -> Iterator[str]:
             yield f"its pod is pending: {waiting.get('reason')}: {waiting['message']}"
 
 
-def _ends(pod: Json) -> Iterator[Json]:
-    """How a pod's containers have ended, or else the pod itself."""
+def _terminations(pod: Json) -> Iterator[Json]:
+    """Yield the states of terminated containers, and the message of the pod."""
     status = pod.get("status", {})
     for container in status.get("containerStatuses") or ():
         if "terminated" in container["state"]:
