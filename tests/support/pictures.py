@@ -51,7 +51,7 @@ PICTURES = (
     Picture("all-runs", f"{_FLAKY}?tab=player&everyone=1&t=1.2", ".stages", height=900),
     Picture("camera", f"{_SEEN}?tab=player&t=3.3", ".scene", width=1000),
     Picture("plots", f"{_FAILED}?tab=plots", ".plot"),
-    Picture("search", f"{_SEARCH}?{_AMONG_BOXES}", ".search .beside"),
+    Picture("search", f"{_SEARCH}?{_AMONG_BOXES}", ".search .beside", width=1300),
     Picture("telephone", _FAILED, width=390, height=760),
 )
 """All pictures of the page in docs/pictures."""
