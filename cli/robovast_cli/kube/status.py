@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from robovast.base.errors import ExitCode, InputError
 from robovast.base.printable import printable
 from robovast.kubeapi.resources import Scheduling, Storage
-from robovast.kubeapi.status import CampaignStatus, Condition, SearchStatus, read_status
+from robovast.kubeapi.status import CampaignStatus, SearchStatus, read_status
 from robovast.storage.bucket_names import bucket_name, campaign_id
 
 if TYPE_CHECKING:
@@ -25,6 +25,9 @@ OLD = 600.0
 """Age at which the status of an unfinished campaign is reported as old [s]."""
 _PROBLEMS = {"Accepted": "False", "Succeeded": "False", "Stalled": "True"}
 """Types and status of conditions that are problems."""
+
+
+_QUEUED = ("QuotaReserved", "False")
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,16 @@ class CampaignState:
         return bool(self.resource["spec"].get("suspend"))
 
     @property
+    def running(self) -> bool:
+        """Whether the campaign is neither stopped nor ended."""
+        return not self.finished and not self.suspended
+
+    @property
+    def is_search(self) -> bool:
+        """Whether the campaign is a search."""
+        return bool(self.resource["spec"]["vast"].get("search"))
+
+    @property
     def is_current(self) -> bool:
         """Whether the status describes the current spec."""
         generation = int(self.resource["metadata"].get("generation", 0))
@@ -117,8 +130,8 @@ class CampaignState:
     def messages(self) -> list[str]:
         """Problems of the campaign, without duplicates."""
         found = (c for c in self.status.conditions if _PROBLEMS.get(c.type) == c.status)
-        waiting = (c for c in self.status.conditions if _is_queued(c))
-        shown = [*found, *(() if self.finished else waiting)]
+        queued = (c for c in self.status.conditions if (c.type, c.status) == _QUEUED)
+        shown = [*found, *(() if self.finished else queued)]
         texts = [printable(c.message or c.reason) for c in shown]
         if self.is_old(moment := now()):
             minutes = (self.age(moment) or 0) // OLD * OLD / 60
@@ -152,7 +165,7 @@ class CampaignState:
         runs = self.status.runs
         if self.rejected:
             return ExitCode.BAD_INPUT
-        if self._failed_before_first_run:
+        if self._is("Succeeded", "False") and not runs.stored:  # no run could start
             return ExitCode.CANNOT_RUN
         if self.status.search is not None:  # a search looks for failed runs
             return ExitCode.OK if self._is("Passed", "True") else ExitCode.RUN_ERRORED
@@ -163,11 +176,6 @@ class CampaignState:
         if self.status.state == "Failed":
             return ExitCode.RUN_ERRORED if self.done else ExitCode.CANNOT_RUN
         return ExitCode.OK if self.done >= runs.needed else ExitCode.RUN_ERRORED
-
-    @property
-    def _failed_before_first_run(self) -> bool:
-        """Whether no run could start, for example because of an incompatible image."""
-        return self._is("Succeeded", "False") and not self.status.runs.stored
 
     def counts(self) -> str:
         """`12 of 260 done: 11 passed, 1 failed; 40 not needed; 4 running, 2 waiting`."""
@@ -287,10 +295,6 @@ def list_names(known: Sequence[CampaignState]) -> str:
     others = len(known) - len(names)
     more = f"and {others} older ones (`vast exec cluster monitor --once`)"
     return ", ".join([*names, *([more] if others else [])]) or "none"
-
-
-def _is_queued(condition: Condition) -> bool:
-    return condition.type == "QuotaReserved" and condition.status == "False"
 
 
 def _time(text: str | None) -> datetime | None:

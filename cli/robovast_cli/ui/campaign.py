@@ -29,6 +29,7 @@ from robovast_cli.ui.live_view import LiveView, is_live
 from robovast_cli.ui.local_view import LocalView
 from robovast_cli.ui.output import ask, echo_verdicts
 from robovast_cli.ui.search_summary import search_lines
+from robovast_cli.ui.table import counted
 from robovast_cli.workspace import shown
 
 MOST_LISTED = 20
@@ -190,10 +191,9 @@ def _counts(summary: ExecutionSummary) -> str:
     spared = sum(one.spared for one in summary.decided)
     parts += [f"{spared} not needed"] if spared else []
     parts += [f"{summary.missing} not started"] if summary.missing else []
-    noun = "run" if summary.total == 1 else "runs"
     reused = sum(bool(record.reused_from) for record in summary.records)
     note = f"; reused {reused} of {summary.total}" if reused else ""
-    return f"{summary.total} {noun}: {', '.join(parts) or 'none'}{note}"
+    return f"{counted(summary.total, 'run')}: {', '.join(parts) or 'none'}{note}"
 
 
 def _decisions(summary: ExecutionSummary) -> str:

@@ -16,6 +16,7 @@ from robovast.execution.local.pack_queue import Decided
 from robovast.model.plan import Run
 from robovast_cli.ui.live_view import LiveView, ProgressRow, clock_time
 from robovast_cli.ui.output import echo
+from robovast_cli.ui.table import counted
 from robovast_cli.workspace import shown
 
 MOST_LINES = 100
@@ -93,9 +94,8 @@ class LocalView:
         """Print the number of runs (0: unknown) and the runtime, and start to count."""
         self.total, self.done_before = total, done
         self._started = self._clock()
-        noun = "run" if total == 1 else "runs"
         before = f", {done} already finished" if done else ""
-        runs = f"{total} {noun}{before}, " if total else ""
+        runs = f"{counted(total, 'run')}{before}, " if total else ""
         self.message(f"{runs}{how}, into {shown(campaign)}")
 
     def runs_added(self, count: int) -> None:

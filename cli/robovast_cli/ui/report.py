@@ -17,6 +17,7 @@ from robovast.base.file_errors import is_refusal, refusal
 from robovast.base.optional_deps import missing_extra
 from robovast.base.printable import printable
 from robovast.base.task_record import report
+from robovast_cli.ui.table import counted
 
 _SENTENCES = re.compile(r"[^.]\. +[A-Z`$]")
 """Where a sentence follows another one."""
@@ -74,7 +75,7 @@ def message_of(error: RobovastError) -> str:
         return in_form(error.message, error.hint)
     count = len(error.problems)
     files = dict.fromkeys(str(problem.place.file) for problem in error.problems)
-    found = "1 problem" if count == 1 else f"{count} problems"
+    found = counted(count, "problem")
     return f"{error}\nerror: {found} in {', '.join(files)}"
 
 

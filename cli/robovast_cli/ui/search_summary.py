@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from robovast.campaign.layout import Layout
 from robovast.execution.local import recorded_seed
 from robovast.search.local import SearchSummary
 from robovast.search.scoring import NO_VERDICT
-from robovast.search.types import Evaluation
 
 
 def search_lines(summary: SearchSummary) -> Iterator[str]:
@@ -27,16 +26,11 @@ def search_lines(summary: SearchSummary) -> Iterator[str]:
             "To score the stored runs with a corrected extractor, start a new search with "
             f"`seed: {seed}` in `execution` and with `--reuse`."
         )
-    best = summary.report.best if summary.report else None
-    if best is not None:
-        equal = _equal(best, summary.report.evaluations if summary.report else ())
+    if summary.report and (best := summary.report.best) is not None:
+        evaluations = summary.report.evaluations
+        equal = len({ev.params.id for ev in evaluations if ev.objectives == best.objectives})
         others = f" (one of {equal:,} equally good sets)" if equal > 1 else ""
         yield f"Best: {listed(best.objectives)} with {listed(best.params.values)}{others}"
-
-
-def _equal(best: Evaluation, known: Iterable[Evaluation]) -> int:
-    """Return the number of sets with the objectives of the best set."""
-    return len({ev.params.id for ev in known if ev.objectives == best.objectives})
 
 
 def listed(values: Mapping[str, Any]) -> str:

@@ -7,13 +7,14 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from typing import Any, NoReturn
 
 import typer
 from pydantic import BaseModel
 
 from robovast.base.errors import DocumentError, InputError, RobovastError
+from robovast.base.plugins import plugins_of
 from robovast.base.statistics import percent
 from robovast.compat.differences import differences
 from robovast.execution.local.scenario_syntax import check_syntax
@@ -86,7 +87,8 @@ def check(ctx: typer.Context) -> None:
     if errors:
         for entry in document.vast.configuration or ():
             with _collect_errors(errors):
-                _count(_with_entry(document, entry))
+                vast = document.vast.model_copy(update={"configuration": [entry]})
+                _count(replace(document, vast=vast))
         _raise_all(errors)
     warnings = f", {counted(len(document.warnings), 'warning')}" if document.warnings else ""
     typer.echo(f"{document.source.file}: valid, {counted(count, 'configuration')}{warnings}")
@@ -113,11 +115,6 @@ def _raise_all(errors: Sequence[RobovastError]) -> NoReturn:
 def _count(document: Document) -> int:
     with expanded_variants(document) as variants:
         return len(variants)
-
-
-def _with_entry(document: Document, entry: ConfigurationEntry) -> Document:
-    """Return a document with only one of its entries."""
-    return replace(document, vast=document.vast.model_copy(update={"configuration": [entry]}))
 
 
 def _check_resources(document: Document) -> None:
@@ -173,7 +170,8 @@ def variation_points(ctx: typer.Context) -> None:
 )
 def variation_types() -> None:
     """List the installed variation types and their parameters."""
-    blocks = (_variation_type(point) for point in sorted(_variation_points(), key=_name))
+    points = sorted(plugins_of("robovast.variation_types").values(), key=lambda point: point.name)
+    blocks = map(_variation_type, points)
     typer.echo("\n\n".join("\n".join(lines) for lines in blocks))
 
 
@@ -229,21 +227,11 @@ def _designs(document: Document) -> Iterator[str]:
         if entry.design is not None:
             sizes = design_sizes(entry, document.folder)
             rows = rows_of(entry.design, sizes)
-            covered = [f"{w} {_ratio(*found)}" for w, found in coverages(rows, sizes).items()]
+            covered = [
+                f"{w} {a} of {b} ({percent(a / b)})" for w, (a, b) in coverages(rows, sizes).items()
+            ]
             product = f"{len(rows):,} of {math.prod(sizes):,} combinations"
             yield f"{entry.name}: {product}; {', '.join(covered)}"
-
-
-def _ratio(covered: int, all_: int) -> str:
-    return f"{covered} of {all_} ({percent(covered / all_)})"
-
-
-def _variation_points() -> Sequence[EntryPoint]:
-    return list(entry_points(group="robovast.variation_types"))
-
-
-def _name(point: EntryPoint) -> str:
-    return point.name
 
 
 def _variation_type(point: EntryPoint) -> Iterator[str]:

@@ -103,11 +103,8 @@ def _cells(variant: Variant, internal: bool) -> dict[str, str]:
     whole = record(variant, internal=internal)
     parameters = whole.pop("config")
     del whole["name"]
-    return {key: _cell(value) for key, value in {**whole, **parameters}.items()}
-
-
-def _cell(value: Any) -> str:
-    return shortened(spelled(value), WIDEST_CELL)
+    values = {**whole, **parameters}
+    return {key: shortened(spelled(value), WIDEST_CELL) for key, value in values.items()}
 
 
 def runs_of_each(execution: Execution) -> str:

@@ -196,11 +196,12 @@ def _download_results(
     from robovast.storage.download import download_campaign
 
     with open_store(kube, results.place) as store:
-        if results.campaign is not None:
-            if _may_lack_bucket(results.campaign) and not store.has_bucket(results.bucket):
-                echo(f"{results.campaign.name}: nothing is stored yet. Repeat the command later.")
+        if (campaign := results.campaign) is not None:
+            started = campaign.finished or campaign.done  # the first pod creates the bucket
+            if not started and not store.has_bucket(results.bucket):
+                echo(f"{campaign.name}: nothing is stored yet. Repeat the command later.")
                 return output / results.name
-            is_owned(store, results.bucket, results.campaign.uid)
+            is_owned(store, results.bucket, campaign.uid)
         folder = folder_for(output, results.name, owner_of(store, results.bucket))
         if folder.name != results.name:
             echo(f"The folder {results.name} belongs to another campaign. Using {folder.name}.")
@@ -211,14 +212,9 @@ def _download_results(
             )
     for line in _summary(result):
         echo(line)
-    if results.campaign is not None and results.campaign.status.decisions:
-        echo(f"{printable(results.campaign.status.decisions)}.")
+    if campaign is not None and campaign.status.decisions:
+        echo(f"{printable(campaign.status.decisions)}.")
     return folder
-
-
-def _may_lack_bucket(campaign: CampaignState) -> bool:
-    """Return whether the first pod may not have created the bucket yet."""
-    return not campaign.finished and not campaign.done
 
 
 def _summary(result: DownloadResult) -> Iterator[str]:

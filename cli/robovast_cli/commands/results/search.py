@@ -96,7 +96,7 @@ def search(
         from robovast.search.results import stored_search
 
         stored = stored_search(folder)
-        fixed = _fixed(at, stored.search.search_space)
+        fixed = dict(_pair(text, stored.search.search_space) for text in at or ())
         answers = {
             "sets": stored.sets,
             "best": stored.best,
@@ -121,10 +121,6 @@ def _draw(
         from robovast.search.pictures import draw_map, draw_progress, encoded
     figure = draw_progress(stored) if over is None else draw_map(stored, over, fixed)
     write_report(picture, encoded(figure, picture))
-
-
-def _fixed(at: list[str] | None, space: Space) -> dict[str, Any]:
-    return dict(_pair(text, space) for text in at or [])
 
 
 def _pair(text: str, space: Space) -> tuple[str, Any]:

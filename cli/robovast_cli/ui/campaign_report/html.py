@@ -10,7 +10,6 @@ from robovast.campaign.log_lines import BAD
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.campaign_inputs import Change
 from robovast.evaluation.campaign_report import Baseline, CampaignReport, Worst
-from robovast.evaluation.effects import Effect
 from robovast.evaluation.matrix import Cell, Matrix
 from robovast.evaluation.rates import IntervalOf, VariantRate, interval_for
 from robovast_cli.ui import comparison, summary
@@ -51,14 +50,16 @@ def _begin(report: CampaignReport, title: str) -> Iterable[Markup]:
 
 
 def _sections(report: CampaignReport) -> Iterable[Markup]:
-    yield _section("Summary", _verdicts(report), _counts(report))
+    lines = (tag("p", line) for line in summary.counts_text(report.rates).splitlines())
+    yield _section("Summary", _verdicts(report), *lines)
     if report.baseline is not None:
         yield _baseline(report.baseline)
     if report.causes:
         yield _section("Causes of unsuccessful runs", _causes(report))
     effects = summary.clear_effects(report.explained.effects)
     if effects:
-        yield _section("Factors that cause failures", _effects(effects))
+        table = _table("Factors", summary.EFFECT_COLUMNS, map(summary.effect_row, effects))
+        yield _section("Factors that cause failures", table)
     if report.matrix.across.factor:
         yield _section(
             "Unsuccessful runs by factor",
@@ -84,10 +85,6 @@ def _verdicts(report: CampaignReport) -> Markup:
         if counts[verdict]
     )
     return tag("ul", *items, class_="verdicts")
-
-
-def _counts(report: CampaignReport) -> Markup:
-    return joined(*(tag("p", line) for line in summary.counts_text(report.rates).splitlines()))
 
 
 def _baseline(baseline: Baseline) -> Markup:
@@ -144,10 +141,6 @@ def _causes(report: CampaignReport) -> Markup:
 def _bar(share: float, text: str) -> Markup:
     style = f"--share: {100 * share:.1f}%"
     return tag("span", tag("span", Markup(), class_="fill", style=style), text, class_="bar")
-
-
-def _effects(effects: Sequence[Effect]) -> Markup:
-    return _table("Factors", summary.EFFECT_COLUMNS, map(summary.effect_row, effects))
 
 
 def _matrix(found: Matrix, units: dict[str, str], interval_of: IntervalOf) -> Markup:

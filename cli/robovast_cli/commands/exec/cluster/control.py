@@ -28,7 +28,7 @@ def stop(
     Pods terminate. Runs in progress are not stored, but run again after `resume`.
     """
     with connect(context, namespace) as kube:
-        chosen = _select(kube, campaign, _is_running, "that is running")
+        chosen = _select(kube, campaign, lambda c: c.running, "that is running")
         kube.patch_campaign(chosen.name, {"suspend": True})
     echo(f"{chosen.name}: stopping pods. Runs in progress are lost; stored runs are kept.")
     echo(f"Resume:   vast exec cluster resume -i {chosen.name}{kube.cluster_options}")
@@ -58,7 +58,7 @@ def resume(
             chosen = _select(kube, campaign, lambda c: c.suspended, "that is stopped")
             kube.patch_campaign(chosen.name, {"suspend": False})
         else:
-            chosen = _select(kube, campaign, _is_search, "that is a search")
+            chosen = _select(kube, campaign, lambda c: c.is_search, "that is a search")
             _check_batches(chosen, batches)
             end = {"budget": [{"batches": batches}], "stopping": []}
             kube.patch_campaign(chosen.name, {"suspend": False, "vast": {"search": end}})
@@ -81,10 +81,6 @@ def retry(
     echo(f"{chosen.name}: retrying {counted(bad, 'run')}.")
 
 
-def _is_search(campaign: CampaignState) -> bool:
-    return bool(campaign.resource["spec"]["vast"].get("search"))
-
-
 def _check_batches(campaign: CampaignState, batches: int) -> None:
     """Refuse a number of batches with which no run would start.
 
@@ -98,10 +94,6 @@ def _check_batches(campaign: CampaignState, batches: int) -> None:
             f"{campaign.name} has {done} batches already, and `--batches` is the total number",
             hint=f"use a number greater than {done}",
         )
-
-
-def _is_running(campaign: CampaignState) -> bool:
-    return not campaign.finished and not campaign.suspended
 
 
 def _can_be_retried(campaign: CampaignState) -> bool:

@@ -41,10 +41,11 @@ def print_estimate(
             f"No estimate: no campaign of {document_name(document)} has finished in this namespace."
         )
         return
+    end = now() + timedelta(seconds=found.seconds)
     echo(
         f"Estimated duration: {clock_time(found.seconds)} (90 % interval {clock_time(found.least)} "
         f"to {clock_time(found.most)}), based on {counted(len(earlier), 'earlier campaign')}. "
-        f"If started now, the campaign completes at about {_moment(found.seconds)}."
+        f"If started now, the campaign completes at about {end:%Y-%m-%d %H:%M UTC}."
     )
     if cores:
         echo(_cost(found, cores * min(runs, workers)))
@@ -78,10 +79,6 @@ def _find_earlier(document: Document, known: Iterable[CampaignState]) -> Iterato
             start, end = map(datetime.fromisoformat, (status.start_time, status.completion_time))
             workers = int(spec.get("parallelism") or _default_parallelism())
             yield Spent(status.runs.total, workers, max(1.0, (end - start).total_seconds()))
-
-
-def _moment(seconds: float) -> str:
-    return (now() + timedelta(seconds=seconds)).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _cost(found: Forecast, cores: float) -> str:

@@ -60,7 +60,7 @@ def _observe(kube: Kubernetes, interval: float) -> Iterator[Sequence[CampaignSta
     watched: set[str] = set()
     campaigns = campaign_states(kube)
     while True:
-        active = {c.name for c in campaigns if not (c.finished or c.suspended)}
+        active = {c.name for c in campaigns if c.running}
         watched |= active
         yield [campaign for campaign in campaigns if campaign.name in watched]
         if not active:

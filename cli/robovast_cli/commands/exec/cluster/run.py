@@ -13,7 +13,13 @@ import typer
 from robovast.base.environment import environment
 from robovast.base.errors import ExitCode, RobovastError
 from robovast.base.serialization import dump_yaml
-from robovast.kubeapi.submission import Submission, SubmitOptions, campaign_name, prepare_submission
+from robovast.kubeapi.submission import (
+    Archive,
+    Submission,
+    SubmitOptions,
+    campaign_name,
+    prepare_submission,
+)
 from robovast.model.document import Document
 from robovast.storage.bucket_names import BUNDLES_BUCKET
 from robovast_cli.commands.exec.cluster.campaign_secrets import CampaignSecrets, read_secrets
@@ -166,7 +172,7 @@ def _print_campaign(
     text = dump_yaml(campaign) if form == "yaml" else json.dumps(campaign, indent=2) + "\n"
     sys.stdout.write(text)
     if submission.archive:
-        _warn_of_archive(submission)
+        _warn_of_archive(submission.archive)
     return ExitCode.OK
 
 
@@ -174,7 +180,7 @@ def _submit(kube: Kubernetes, submission: Submission, secrets: CampaignSecrets) 
     """Create the Campaign of a `.vast` file."""
     campaign = secrets.add_to(submission.campaign)
     if submission.archive:
-        _upload(kube, submission)
+        _upload(kube, submission.archive)
     try:
         return CampaignState(kube.create_campaign(campaign))
     except (KeyboardInterrupt, UnreachableError):  # it may have been created
@@ -246,9 +252,7 @@ def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState | None:
     return CampaignState(found) if found is not None else None
 
 
-def _upload(kube: Kubernetes, submission: Submission) -> None:
-    archive = submission.archive
-    assert archive is not None  # noqa: S101  # the caller looked
+def _upload(kube: Kubernetes, archive: Archive) -> None:
     echo(f"Uploading the files of the .vast file ({len(archive.content) / 1e6:.1f} MB) …")
     known = campaign_states(kube)
     with open_store(kube, installed_place(kube, known)) as store:
@@ -256,9 +260,7 @@ def _upload(kube: Kubernetes, submission: Submission) -> None:
         store.put_bytes(BUNDLES_BUCKET, archive.key, archive.content)
 
 
-def _warn_of_archive(submission: Submission) -> None:
-    archive = submission.archive
-    assert archive is not None  # noqa: S101  # the caller looked
+def _warn_of_archive(archive: Archive) -> None:
     print(  # noqa: T201
         "note: the files of the .vast file are too large for the Campaign, which expects them at "
         f"s3://{BUNDLES_BUCKET}/{archive.key}. `vast exec cluster prepare-run DIR` writes this "
