@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 
@@ -120,25 +120,69 @@ def _amounts(listed: str) -> dict[str, str]:
 
 
 def _out_of_range(pod: Object, ranges: Iterable[Object], own: frozenset[str]) -> Iterator[str]:
-    containers = [*mappings(pod.get("initContainers")), *mappings(pod.get("containers"))]
-    for found in ranges:
-        name = text(metadata(found).get("name"))
-        for item in mappings(mapping(found.get("spec")).get("limits")):
-            if item.get("type") != "Container":
-                continue
+    items = [
+        (text(metadata(found).get("name")), item)
+        for found in ranges
+        for item in mappings(mapping(found.get("spec")).get("limits"))
+    ]
+    defaults = [item for _, item in items if item.get("type") == "Container"]
+    together = list(mappings(pod.get("containers")))
+    containers = [*mappings(pod.get("initContainers")), *together]
+    for name, item in items:
+        if item.get("type") == "Container":
             for container in containers:
-                for problem, field in _violations(container, item):
-                    who = text(container.get("name"))
+                who = text(container.get("name"))
+                for problem, field in _violations(_amounts_of(container, defaults), item):
                     yield f"LimitRange `{name}` {problem} (container `{who}`). " + _remedy(
                         who, field, own
                     )
+        elif item.get("type") == "Pod":
+            used = [_amounts_of(container, defaults) for container in together]
+            sums = _sums(limits for limits, _ in used), _sums(requests for _, requests in used)
+            for problem, field in _violations(sums, item):
+                yield (
+                    f"LimitRange `{name}` {problem} (all containers of the pod together). Change "
+                    f"`{field.rpartition('.')[2]}` in `resources` of the .vast file, or ask for "
+                    "another limit. Your cluster administrator can also change `agent.resources` "
+                    "of the Helm chart (Jobs for a whole campaign: `agent.taskResources`)."
+                )
 
 
-def _violations(container: Object, item: Object) -> Iterator[tuple[str, str]]:
-    """Compare a container with one item of a LimitRange, after defaults are applied."""
+Amounts = Mapping[str, object]
+"""Amount by resource."""
+
+
+def _amounts_of(container: Object, defaults: Iterable[Object]) -> tuple[Amounts, Amounts]:
+    """Return the limits and requests of a container, with the defaults of LimitRanges."""
     given = mapping(container.get("resources"))
-    limit = mapping(item.get("default")) | mapping(given.get("limits"))
-    request = mapping(item.get("defaultRequest")) | limit | mapping(given.get("requests"))
+    limits, requests = dict(mapping(given.get("limits"))), dict(mapping(given.get("requests")))
+    requests = limits | requests
+    for item in defaults:
+        limits = dict(mapping(item.get("default"))) | limits
+        requests = {
+            **mapping(item.get("default")),
+            **mapping(item.get("defaultRequest")),
+            **requests,
+        }
+    return limits, requests
+
+
+def _sums(amounts: Iterable[Amounts]) -> Amounts:
+    total: dict[str, Decimal] = {}
+    for one in amounts:
+        for resource, amount in one.items():
+            total[resource] = total.get(resource, Decimal(0)) + _value(amount)
+    return {resource: _shown(amount) for resource, amount in total.items()}
+
+
+def _shown(amount: Decimal) -> str:
+    mebibytes, rest = divmod(amount, 2**20)
+    return f"{mebibytes}Mi" if mebibytes and not rest else f"{amount.normalize():f}"
+
+
+def _violations(used: tuple[Amounts, Amounts], item: Object) -> Iterator[tuple[str, str]]:
+    """Compare limits and requests with one item of a LimitRange."""
+    limit, request = used
     for resource, least in mapping(item.get("min")).items():
         if (asked := request.get(resource)) is None or _value(asked) < _value(least):
             field = f"requests.{resource}"

@@ -120,6 +120,26 @@ def test_a_container_outside_of_a_limit_range_is_named_and_others_are_not(
     assert (why == "") == (least <= asked and bound <= most and bound <= ratio * asked)
 
 
+def test_a_limit_of_pods_counts_all_containers_with_their_defaults() -> None:
+    pods = {"type": "Pod", "max": {"memory": "512Mi", "cpu": "1"}}
+    containers: Any = {
+        "type": "Container",
+        "default": {"cpu": "600m"},
+        "defaultRequest": {"cpu": "10m"},
+    }
+    found: Any = {"metadata": {"name": "bounds"}, "spec": {"limits": [pods, containers]}}
+    why = explain("is forbidden", pod(), NamespaceLimits((), [found]), OWN)
+    assert "LimitRange `bounds` allows at most 512Mi for limits.memory, not 640Mi (all" in why
+    assert "Change `memory` in `resources` of the .vast file" in why
+    assert "limits.cpu" not in why
+    containers["default"]["cpu"] = "901m"
+    why = explain("is forbidden", pod(), NamespaceLimits((), [found]), OWN)
+    assert "allows at most 1 for limits.cpu, not 1.001 (all" in why
+    containers["min"] = {"cpu": "20m"}
+    why = explain("is forbidden", pod(run={}), NamespaceLimits((), [found]), OWN)
+    assert "requires at least 20m for requests.cpu, not 10m (container `robovast`)" in why
+
+
 def test_the_defaults_of_a_limit_range_count_before_its_bounds() -> None:
     bare = {"containers": [{"name": "robovast"}]}
     fine = limit_range(max={"cpu": "1"}, default={"cpu": "500m"}, min={"cpu": "100m"})
