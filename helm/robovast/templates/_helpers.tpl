@@ -37,6 +37,9 @@ http://robovast-s3.{{ .Release.Namespace }}.svc:9000
 {{- if .Values.kueue.enabled -}}
 queueName: {{ .Values.kueue.queueName }}
 {{ end -}}
+{{- with .Values.example.scheduling -}}
+scheduling: {{- toYaml . | nindent 2 }}
+{{ end -}}
 vast:
   version: 1
   configuration:
