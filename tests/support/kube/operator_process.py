@@ -405,6 +405,25 @@ def campaign(
     }
 
 
+def heavy(name: str, namespace: str, values: int, parameters: int) -> dict[str, Any]:
+    """A Campaign with `values ** 3` variants, each of so many parameters."""
+    obj = campaign(name, namespace, 1, 1, suspend=True)
+    names = [f"p{number}" for number in range(parameters)]
+    obj["spec"]["vast"]["configuration"] = [
+        {
+            "name": "one",
+            "variations": [
+                {"ParameterVariationList": {"name": name, "values": list(range(values))}}
+                for name in names[:3]
+            ],
+        }
+    ]
+    declared = "".join(f'    {name}: string = "{"x" * 50}"\n' for name in names)
+    scenario = f"scenario try_it:\n{declared}    do serial:\n        wait elapsed(1s)\n"
+    obj["spec"]["source"]["inline"]["files"]["scenario.osc"] = scenario
+    return obj
+
+
 def status(cluster: Cluster, namespace: str, name: str) -> dict[str, Any]:
     found: Any = cluster.get("campaign", name, f"--namespace={namespace}")
     return dict(found.get("status") or {})
