@@ -92,7 +92,8 @@ def read_settings(environment: Mapping[str, str] = os.environ) -> OperatorSettin
             return float(value) if value else float(getattr(OperatorSettings, setting))
         except ValueError as error:
             raise InputError(
-                f"The environment variable {name} is not a number: {value}."
+                f"The environment variable {name} is not a number: {value}.",
+                hint="correct the values of the chart",
             ) from error
 
     def names(variable: str) -> tuple[str, ...]:
@@ -132,6 +133,7 @@ def _resources(
         return dict(json.loads(environment.get(variable) or json.dumps(default)))
     except (ValueError, TypeError) as error:
         raise InputError(
-            f"The environment variable {variable} must be a JSON object with `requests` and "
-            "`limits`."
+            f"The environment variable {variable} is not a JSON object with `requests` and "
+            "`limits`",
+            hint="correct the resources in the values of the chart",
         ) from error

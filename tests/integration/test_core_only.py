@@ -73,7 +73,7 @@ NEEDED = {
 """What the user must install, at least, for these commands."""
 MESSAGE = re.compile(
     r"error: [A-Z`].* needs the extra `(\w+)` \((\w+) is not installed\)\nhint: "
-    r".*pip install .*\[\1\]'?`\n",
+    r".*pip install .*\[\1\]'?`[.\n]",
 )
 
 

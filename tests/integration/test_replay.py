@@ -189,7 +189,7 @@ def test_what_cannot_be_compared_is_refused_before_anything_runs(
     tmp_path: Path, pattern: str
 ) -> None:
     code, said = replay(executed(tmp_path, NOISY), "--compare", pattern)
-    assert (code, said.count("must be a glob pattern of files in the run folder")) == (2, 1)
+    assert (code, said.count("hint: use a glob pattern of files in the run folder")) == (2, 1)
     assert not (tmp_path / "replays").exists()
 
 

@@ -96,8 +96,9 @@ def minimise(
 def _test(good: float, bad: float) -> SequentialTest:
     if not 0 < good < bad < 1:
         raise InputError(
-            "--good must be less than --bad, and both must be between 0 and 1 (got "
-            f"{good:g} and {bad:g})."
+            f"--good must be less than --bad, and both must be between 0 and 1 (got {good:g} and "
+            f"{bad:g}).",
+            hint="use for example `--good 0.05 --bad 0.5`",
         )
     test = SequentialTest(good, bad, ERROR)
     return SequentialTest(good, bad, ERROR, most=max(MOST, 2 * test.shortest(False)))

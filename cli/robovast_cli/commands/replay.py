@@ -203,6 +203,7 @@ def _output(pattern: str) -> Output:
         return Output(pattern=pattern)
     except ValidationError:
         raise InputError(
-            f"--compare {pattern!a}: must be a glob pattern of files in the run folder, such as "
-            "`out/*.csv`, or of bags with a topic, such as `*.mcap:/odom`."
+            f"--compare {pattern!a}: is not a valid pattern",
+            hint="use a glob pattern of files in the run folder, such as `out/*.csv`, or of "
+            "bags with a topic, such as `*.mcap:/odom`",
         ) from None

@@ -132,7 +132,10 @@ def _expand_names(plan: CampaignPlan, text: str, files: Files, folder: Path) -> 
         if not all_pure(parse_yaml(text)):
             raise ValueError("its variations require plugins")
     except ValueError as error:
-        raise InputError(f"the plan of the campaign is invalid: {error}.") from error
+        raise InputError(
+            f"the plan of the campaign is invalid: {error}.",
+            hint="use the same version of RoboVAST as the operator",
+        ) from error
     for path, content in {**files, plan.document: text.encode()}.items():
         target = folder / "inputs" / path
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -93,7 +93,9 @@ def select_pod(pods: Sequence[Pod], target: int | str) -> tuple[Pod, int]:
         port = _port(pod, target)
         if port and _is_ready(pod):
             return pod, port
-    raise CannotRunError("none of its pods is ready")
+    raise CannotRunError(
+        "none of its pods is ready", hint="run `kubectl get pods` to see the cause"
+    )
 
 
 def _is_ready(pod: Pod) -> bool:

@@ -49,5 +49,8 @@ def results_of(campaign: CampaignState) -> Results:
     """
     if not campaign.bucket:
         why = "; ".join(campaign.messages)
-        raise CannotRunError(f"{campaign.name} has no results, because it was rejected: {why}")
+        raise CannotRunError(
+            f"{campaign.name} has no results, because it was rejected: {why}",
+            hint="fix the cause, then create the campaign again",
+        )
     return Results(campaign.folder, campaign.bucket, place_of(campaign), campaign)

@@ -92,7 +92,10 @@ class CampaignRuns:
         campaign = self.campaign
         if campaign is not None and campaign.rejected and self.planned is None:
             why = "; ".join(campaign.messages)
-            raise InputError(f"{campaign.name} was rejected, so it has no runs: {why}")
+            raise InputError(
+                f"{campaign.name} was rejected, so it has no runs: {why}",
+                hint="fix the cause, then create the campaign again",
+            )
 
     def executor(self, run: str) -> Executor | None:
         """Return the pod of a run, or None.
@@ -178,7 +181,10 @@ class CampaignRuns:
         stored = {o.key: o for o in self._store.objects(self._bucket, f"{prefix}{LOGS}/")}
         if prefix + path not in stored:
             names = ", ".join(key.removeprefix(prefix) for key in stored) or "none"
-            raise InputError(f"{job} has no stored log `{path}`; its stored logs: {names}.")
+            raise InputError(
+                f"{job} has no stored log `{path}`; its stored logs: {names}.",
+                hint="use one of the stored logs",
+            )
         with TemporaryDirectory() as folder:
             target = Path(folder) / "log"
             self._store.get_file(self._bucket, stored[prefix + path], target)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from robovast.base.errors import ExitCode, InputError
+from robovast.base.errors import ExitCode, InputError, with_hint
 from robovast.campaign.decisions import runs_needed
 from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.layout import SYSTEM_LOG, Layout
@@ -81,7 +81,7 @@ def resolve_selection(document: Document, out: Path, options: LocalOptions) -> L
         try:
             number = len(select_variants(variants, str(out)))
         except InputError as error:
-            hint = f"{error.hint}. OUT is the results folder; {folder}"
+            hint = with_hint(error.hint, f"OUT is the results folder; {folder}")
             raise InputError(error.message, hint=hint) from None
     kind = "a configuration" if number == 1 else f"the name of {number} configurations"
     if not sys.stdin.isatty():

@@ -38,7 +38,7 @@ def report_errors() -> Iterator[None]:
     except RobovastError as error:
         _show_traceback()
         echo_stderr(message_of(error))
-        report(error=printable(_text_of(error)))
+        report(error=printable(message_of(error)))
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
         echo_stderr("interrupted")
@@ -77,10 +77,6 @@ def message_of(error: RobovastError) -> str:
     files = dict.fromkeys(str(problem.place.file) for problem in error.problems)
     found = counted(count, "problem")
     return f"{error}\nerror: {found} in {', '.join(files)}"
-
-
-def _text_of(error: RobovastError) -> str:
-    return message_of(error) if isinstance(error, DocumentError) else f"error: {error}"
 
 
 def in_form(message: str, hint: str = "") -> str:

@@ -21,7 +21,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, ParamSpec, TypeVar
 
-from robovast.base.errors import InputError
+from robovast.base.errors import InputError, with_hint
 from robovast_operator.kube.rotation import Rotation
 
 P = ParamSpec("P")
@@ -164,7 +164,9 @@ class Apart:
         self._delays = {**kept, who: _Delay(seconds, now + seconds)}
         return TooLargeError(
             error.message,
-            hint=f"{error.hint}. The operator checks a change after {seconds:g} s at the earliest",
+            hint=with_hint(
+                error.hint, f"the operator checks a change after {seconds:g} s at the earliest"
+            ),
         )
 
 

@@ -97,7 +97,7 @@ def notify(folders: Folders, index: int) -> AgentExit:
     except HttpError as error:
         if error.status in BUSY:
             raise
-        raise InputError(str(error)) from error
+        raise InputError(error.message, hint=error.hint) from error
     print(f"Sent to {receiver.kind} at {address.server}: {notice.title}.")  # noqa: T201
     return AgentExit.PASSED
 

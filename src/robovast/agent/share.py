@@ -116,7 +116,7 @@ def _final_refusals() -> Iterator[None]:
     except HttpError as error:
         if error.status in BUSY:
             raise
-        raise InputError(str(error)) from error
+        raise InputError(error.message, hint=error.hint) from error
 
 
 class UploadProgress:

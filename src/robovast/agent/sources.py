@@ -81,7 +81,8 @@ def _unpack(bundle: Bundle, store: ObjectStore, folders: Folders, target: Path) 
     try:
         unpack_archive(archive, target, expansion=inf)
     except InputError as error:
-        raise InputError(f"{name}: cannot be unpacked: {error}") from error
+        message = f"{name}: cannot be unpacked: {error.message}"
+        raise InputError(message, hint=error.hint) from error
     finally:
         archive.unlink()
 

@@ -49,6 +49,9 @@ def _dotenv(folder: Path) -> dict[str, str]:
         from dotenv import dotenv_values
     text = read_text(path)
     if "\0" in text:
-        raise InputError(f"{path}: contains a NUL character, which no variable can have.")
+        raise InputError(
+            f"{path}: contains a NUL character, which no variable can have.",
+            hint="remove the character",
+        )
     found = dotenv_values(stream=StringIO(text))
     return {key: value for key, value in found.items() if value is not None}

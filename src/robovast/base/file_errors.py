@@ -109,7 +109,9 @@ def read_content(path: Path, most: int = LARGEST) -> bytes:
         with reading(path):
             return read_file(Path(os.path.realpath(path)), most=most)
     except ValueError:  # a NUL, or half of a surrogate pair
-        raise InputError(f"no file can be called {str(path)!r}") from None
+        raise InputError(
+            f"no file can be called {str(path)!r}", hint="choose another name"
+        ) from None
 
 
 def read_text(path: Path) -> str:
@@ -139,7 +141,10 @@ def reading(path: Path | str) -> Iterator[None]:
     except FileNotFoundError:
         if os.path.islink(path):
             target = os.readlink(path)
-            raise InputError(f"{path}: is a link to `{target}`, which does not exist.") from None
+            raise InputError(
+                f"{path}: is a link to `{target}`, which does not exist.",
+                hint="correct or remove the link",
+            ) from None
         raise InputError(f"{path}: there is no such file", hint="check the path") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {cause(error)}.") from None

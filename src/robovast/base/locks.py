@@ -24,7 +24,7 @@ _NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS})
 
 
 @contextmanager
-def exclusive_folder(folder: Path, refusal: str) -> Iterator[None]:
+def exclusive_folder(folder: Path, refusal: str, hint: str = "") -> Iterator[None]:
     """A work folder for this program alone; it is removed after success.
 
     It is removed while it is locked: a program that waits for the lock notices the removal and
@@ -33,11 +33,12 @@ def exclusive_folder(folder: Path, refusal: str) -> Iterator[None]:
     Args:
         folder: created if missing; files of a previous program are kept.
         refusal: message if another program uses the folder.
+        hint: the hint of that message.
 
     Raises:
         StorageError: another program uses the folder.
     """
-    with _locked(folder, refusal):
+    with _locked(folder, StorageError(refusal, hint=hint)):
         sweep(folder.parent)
         yield
         discard(folder)
@@ -85,7 +86,7 @@ def lock_file(file: int, folder: Path, *, shared: bool = False, wait: bool = Fal
 
 
 @contextmanager
-def _locked(folder: Path, refusal: str) -> Iterator[None]:
+def _locked(folder: Path, refusal: StorageError) -> Iterator[None]:
     until = time.monotonic() + _PATIENCE
     folder.parent.mkdir(parents=True, exist_ok=True)
     while True:
@@ -101,7 +102,7 @@ def _locked(folder: Path, refusal: str) -> Iterator[None]:
                     yield
                     return
             elif time.monotonic() > until:
-                raise StorageError(refusal)
+                raise refusal
         time.sleep(_PAUSE)
 
 

@@ -137,7 +137,7 @@ def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
     except AttributeError:
         public = [key for key in vars(module) if not key.startswith("_")]
         raise InputError(
-            f"{path} has no `{name}`; it has {', '.join(public) or 'nothing'}"
+            f"{path} has no `{name}`", hint=f"use one of {', '.join(public) or 'nothing'}"
         ) from None
 
 
@@ -172,7 +172,10 @@ class _WithoutBytecode(SourceFileLoader):
 @lru_cache
 def _load_file(path: Path) -> Any:
     if not os.path.isfile(path):
-        raise InputError(f"there is no plugin file {path}")
+        raise InputError(
+            f"there is no plugin file {path}",
+            hint="correct the path, which is relative to the .vast file",
+        )
     digest = hashlib.sha256(str(path).encode()).hexdigest()[:8]
     name = f"robovast_plugin_{path.stem}_{digest}"
     loader = _WithoutBytecode(name, str(path))

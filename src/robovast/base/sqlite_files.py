@@ -50,7 +50,10 @@ def require_tables(connection: sqlite3.Connection, name: str, *tables: str) -> N
     """
     missing = sorted(set(tables) - tables_of(connection))
     if missing:
-        raise InputError(f"{name} is not a valid bag: it has no table {', '.join(missing)}.")
+        raise InputError(
+            f"{name} is not a valid bag: it has no table {', '.join(missing)}.",
+            hint="record the bag again, or remove the file",
+        )
 
 
 def tables_of(connection: sqlite3.Connection) -> set[str]:

@@ -244,7 +244,10 @@ def _link(archive: Path, path: Path, target: str) -> None:
 
 
 def _refused(archive: Path, name: str, why: str) -> InputError:
-    return InputError(f"{archive}: rejected, because `{name}` {why}. Nothing was imported.")
+    return InputError(
+        f"{archive}: rejected, because `{name}` {why}. Nothing was imported.",
+        hint="pack the campaign again without this entry",
+    )
 
 
 @contextmanager

@@ -92,11 +92,16 @@ def read_configurations(layout: Layout) -> dict[str, Any]:
     path = layout.configurations
     found = obstacle(layout.root)
     if found:
-        raise InputError(f"{layout.root} is not a campaign's folder: {found}.")
+        raise InputError(
+            f"{layout.root} is not a campaign's folder: {found}.",
+            hint="name the folder of a campaign",
+        )
     data = read_mapping(path)
     if not os.path.exists(path):
         raise InputError(
-            f"{layout.root} is not a campaign's folder: {path.relative_to(layout.root)} is missing."
+            f"{layout.root} is not a campaign's folder: {path.relative_to(layout.root)} is "
+            "missing.",
+            hint="name the folder of a campaign, or download the campaign again",
         )
     _validated(_Configurations, data, path)
     return data
@@ -110,7 +115,8 @@ def document_path(layout: Layout, configurations: Mapping[str, Any]) -> Path:
     """
     if configurations.get("vast") is None:
         raise InputError(
-            f"{layout.configurations}: is damaged: `vast`: must be the name of the .vast file."
+            f"{layout.configurations}: is damaged: `vast`: must be the name of the .vast file.",
+            hint="download the campaign again",
         )
     return layout.config / str(configurations["vast"])
 

@@ -60,7 +60,8 @@ def _check_names(archive: Path, campaign: Path) -> None:
         if one_line(path.name) != path.name:
             raise InputError(
                 f"{archive}: rejected, because the name `{one_line(path.name)}` in it contains "
-                "control characters. Nothing was imported."
+                "control characters. Nothing was imported.",
+                hint="rename it, and pack the campaign again",
             )
     for run in Layout(campaign).misnumbered_runs():
         raise InputError(

@@ -114,7 +114,9 @@ def merge_campaigns(campaigns: Sequence[Path], target: Path) -> MergeResult:
 
 def _check(campaigns: Sequence[Path]) -> None:
     if not campaigns:
-        raise InputError("there are no campaigns to merge.")
+        raise InputError(
+            "there are no campaigns to merge.", hint="name campaigns with `--campaign`"
+        )
     names = [path.name for path in campaigns]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:

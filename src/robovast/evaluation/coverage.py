@@ -143,7 +143,8 @@ def _entry_coverage(
     if pairs_of(found.sizes) > MOST_PAIRS:
         raise InputError(
             f"{document.path}: `{entry.name}` has {pairs_of(found.sizes):,} pairs of values. The "
-            f"maximum is {MOST_PAIRS:,}."
+            f"maximum is {MOST_PAIRS:,}.",
+            hint="use fewer variations or values",
         )
     counts: dict[Row, tuple[int, int]] = {}
     for numbers, variant in own:

@@ -102,7 +102,10 @@ def history(
     """
     wanted = _read(results, campaign, name)
     if wanted is None:
-        raise MissingError(f"{campaign} has no configuration {name}.")
+        raise MissingError(
+            f"{campaign} has no configuration {name}.",
+            hint="use the name of a configuration folder",
+        )
     until = time.monotonic() + limit
     found, others, pending = [], [], 0
     names = find_campaigns(results)

@@ -78,7 +78,10 @@ def metric(
         )
     with _opened(results, campaign) as connection:
         if column not in _tables(connection).get(table, ()):
-            raise MissingError(f"There is no column {column} in a table {table}.")
+            raise MissingError(
+                f"There is no column {column} in a table {table}.",
+                hint="use a numeric column of a table",
+            )
         name = _quoted(column)
         rows = connection.execute(
             f"SELECT config, run, {AGGREGATES[aggregate]}({name}) FROM {_quoted(table)} "  # noqa: S608

@@ -36,7 +36,7 @@ def read_variants(tables: Path | StoredTables) -> list[VariantRuns]:
     try:
         answer = ask([tables], _RUNS)
     except InputError as error:
-        raise StorageError(f"the tables are not tables of a campaign: {error}") from None
+        raise StorageError(f"the tables are not tables of a campaign: {error.message}") from None
     run_of = _reader(answer.columns)
     grouped = groupby(answer.rows, key=itemgetter(answer.columns.index("config")))
     found = []

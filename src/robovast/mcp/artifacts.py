@@ -66,7 +66,9 @@ class ArtifactTools:
             file.seek(begin)
             content = file.read(_CHUNK)
         if b"\0" in content:
-            raise InputError(f"{path} is not text ({total} bytes).")
+            raise InputError(
+                f"{path} is not text ({total} bytes).", hint="download the file instead"
+            )
         answer = {"text": content.decode("utf-8", "replace"), "total": total}
         if begin + len(content) < total:
             answer["cut"] = (

@@ -194,7 +194,7 @@ def _find_run(variant: VariantRuns, number: int) -> RunSummary:
         if run.number == number:
             return run
     known = ", ".join(str(run.number) for run in variant.runs[:20])
-    raise MissingError(f"{variant.name} has no run {number}; it has {known or 'none'}.")
+    raise MissingError(f"{variant.name} has no run {number}", hint=f"use one of {known or 'none'}")
 
 
 def _cause(group: FailureGroup[str]) -> dict[str, Any]:

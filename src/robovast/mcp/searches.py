@@ -63,7 +63,10 @@ class SearchTools:
             )
         root = self._library.results
         if not os.path.isdir(root / campaign / SEARCH):
-            raise InputError(f"{campaign} is not a search, or has no proposal yet.")
+            raise InputError(
+                f"{campaign} is not a search, or has no proposal yet.",
+                hint="name a campaign with a search",
+            )
         resolved(root, f"{campaign}/{SEARCH}")
         return SearchHistory(Layout(root / campaign)).batches
 

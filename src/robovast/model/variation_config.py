@@ -124,8 +124,8 @@ def load_config(
         return dict(data)
     if subsection not in data and not allow_missing:
         raise InputError(
-            f"{config_file}: there is no section `{subsection}`; the file has "
-            f"{', '.join(map(str, data)) or 'none'}."
+            f"{config_file}: there is no section `{subsection}`",
+            hint=f"use one of {', '.join(map(str, data)) or 'none'}",
         )
     return dict(data.get(subsection) or {})
 

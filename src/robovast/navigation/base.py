@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from robovast.base.errors import InputError
+from robovast.base.errors import InputError, RobovastError
 from robovast.model.scenario import read_scenario, scenario_defaults
 from robovast.model.variation_config import VariationConfig
 from robovast.model.variations import ProvContribution, Variation
@@ -63,7 +63,10 @@ class NavigationVariation(Variation):
 
     def error(self, config: Config, message: object) -> InputError:
         """An error that names the configuration."""
-        return InputError(f"configuration `{config['name']}`: {type(self).__name__}: {message}")
+        hint = message.hint if isinstance(message, RobovastError) else ""
+        text = message.message if isinstance(message, RobovastError) else message
+        where = f"configuration `{config['name']}`: {type(self).__name__}"
+        return InputError(f"{where}: {text}", hint=hint)
 
     def reference(self, value: Any) -> str | None:
         """The scenario parameter that a text refers to; None if the value is not text."""

@@ -90,7 +90,7 @@ class _FloorplanVariation(NavigationVariation):
             except DocumentError as error:
                 raise DocumentError(replace(p, key=self._where) for p in error.problems) from None
             except InputError as error:
-                raise InputError(f"{self._where}: {error}") from None
+                raise InputError(f"{self._where}: {error.message}", hint=error.hint) from None
         return [
             self._with_plan(config, plan, artefacts)
             for plan, artefacts in made
@@ -255,8 +255,8 @@ class FloorplanVariation(_FloorplanVariation):
                 drawn = distributions.draw(seed)
             except DocumentError as error:
                 raise InputError(
-                    f"{path}: no valid floor plan was found for the seed {seed}: {error}\n    "
-                    "Narrow the distributions."
+                    f"{path}: no valid floor plan was found for the seed {seed}: {error}",
+                    hint="narrow the distributions",
                 ) from None
             yield self._written(f"{drawn.name}_{seed}", path.stem, drawn, read_about(base), base)
 

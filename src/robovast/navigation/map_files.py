@@ -125,7 +125,10 @@ def parse_description(content: bytes, name: str) -> Description:
         raise keys.error("resolution", "a number above 0")
     image = keys.text("image", "")
     if not image or "\0" in image:
-        raise InputError(f"the map {name}: `image` must name an image file.")
+        raise InputError(
+            f"the map {name}: `image` must name an image file.",
+            hint="set `image` to the image file of the map",
+        )
     return Description(image, resolution, x, y, mode, keys.negate(), occupied, free)
 
 
@@ -138,7 +141,7 @@ def _mapping(content: bytes, name: str) -> dict[Any, Any]:
         raise InputError(f"the map {name} cannot be read: not valid YAML: {error}") from error
     if node is None or not isinstance(data, dict):
         raise InputError(
-            f"{name} is not a valid map: it must be a mapping with `image` and `resolution`."
+            f"{name} is not a valid map", hint="write a mapping with `image` and `resolution`"
         )
     for key, times in Counter(key.value for key, _ in node.value).items():
         if times > 1:
@@ -223,7 +226,10 @@ def read_pixels(path: Path, name: str) -> bytes:
     try:
         return read_file(path, most=_LARGEST_IMAGE)
     except FileNotFoundError:
-        raise InputError(f"the map {name}: its image {path} does not exist.") from None
+        raise InputError(
+            f"the map {name}: its image {path} does not exist.",
+            hint="correct `image`, which is relative to the YAML file",
+        ) from None
     except (OSError, ValueError) as error:
         why = cause(error) if isinstance(error, OSError) else error
         raise InputError(f"the map {name}: its image {path} cannot be read: {why}") from error
@@ -238,7 +244,7 @@ def read_description(path: Path) -> Description:
     try:
         content = read_file(path, most=_LARGEST_DESCRIPTION)
     except FileNotFoundError:
-        raise InputError(f"there is no map {path}.") from None
+        raise InputError(f"there is no map {path}.", hint="correct the path of the map") from None
     except OSError as error:
         raise InputError(f"the map {path} cannot be read: {cause(error)}") from error
     return parse_description(content, str(path))
@@ -259,7 +265,8 @@ def cells_of(description: Description, pixels: bytes, name: str, most: int = MOS
     try:
         grey, opaque = _grey(pixels, most)
     except InputError as error:
-        raise InputError(f"the map {name}: its image {description.image} {error}") from None
+        message = f"the map {name}: its image {description.image} {error.message}"
+        raise InputError(message, hint=error.hint) from None
     except Exception as error:  # Pillow documents none, and damaged files raise many kinds
         raise InputError(
             f"the map {name}: its image {description.image} cannot be read: {error}"
@@ -302,15 +309,21 @@ def _grey(pixels: bytes, most: int) -> tuple[npt.NDArray[np.uint8], npt.NDArray[
             raise _too_large(most) from None
         except UnidentifiedImageError:
             formats = "PGM, PPM, PBM, PNG, BMP, JPEG, TIFF"
-            raise InputError(f"cannot be read: it is not one of {formats}.") from None
+            raise InputError(
+                f"cannot be read: it is not one of {formats}.",
+                hint="save it in one of these formats",
+            ) from None
     with image:
         if image.width * image.height > most:
             raise _too_large(most)
         if _has_second_page(image):
-            raise InputError("has several pages; one is supported.")
+            raise InputError("has several pages; one is supported.", hint="save it with one page")
         wide = image.mode in _SIXTEEN_BITS and not (image.mode == "I" and image.format == "TIFF")
         if not wide and image.mode not in _EIGHT_BITS:
-            raise InputError(f"has pixels of the kind {image.mode}, which is not supported.")
+            raise InputError(
+                f"has pixels of the kind {image.mode}, which is not supported.",
+                hint="save it in grayscale",
+            )
         if isinstance(image, TiffImageFile):
             _check_tags(image, 16 if wide else 8)
         if wide:
@@ -365,4 +378,6 @@ def _wide_grey(image: Image.Image) -> tuple[npt.NDArray[np.uint8], npt.NDArray[n
 
 
 def _too_large(most: int) -> InputError:
-    return InputError(f"has more than {most:,} cells, the most of a map.")
+    return InputError(
+        f"has more than {most:,} cells, the most of a map.", hint="use a coarser resolution"
+    )

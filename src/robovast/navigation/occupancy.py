@@ -102,7 +102,10 @@ def map_image(path: Path) -> Path:
     """
     image = path.parent / read_description(path).image
     if not image.is_file():
-        raise InputError(f"the map {path}: its image {image} does not exist.")
+        raise InputError(
+            f"the map {path}: its image {image} does not exist.",
+            hint="correct `image`, which is relative to the YAML file",
+        )
     return image
 
 

@@ -122,7 +122,10 @@ def recorded_batches(layout: Layout) -> int | None:
     found = read_mapping(layout.execution_record).get("batches")
     if found is None or (type(found) is int and found > 0):
         return found
-    raise InputError(f"{layout.execution_record}: `batches` must be at least 1, not {found!r}.")
+    raise InputError(
+        f"{layout.execution_record}: `batches` must be at least 1, not {found!r}.",
+        hint="restore the file",
+    )
 
 
 def _refuse_fewer(layout: Layout, batches: int | None) -> None:

@@ -79,7 +79,7 @@ def _cannot_be_made(document: Path, what: str, error: BaseException) -> InputErr
 def _checked(made: Any, kind: Any, name: str, what: str) -> Any:
     if not isinstance(made, kind):
         raise InputError(
-            f"`{name}` is not a valid {what}: it must be a class that inherits from "
-            f"{kind.__module__}.{kind.__name__}"
+            f"`{name}` is not a valid {what}",
+            hint=f"write a class that inherits from {kind.__module__}.{kind.__name__}",
         )
     return made

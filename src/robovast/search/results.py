@@ -123,7 +123,10 @@ class StoredSearch:
                     hint=as_hint(suggest(name, space)),
                 )
             if not holds(space[name], value):
-                raise InputError(f"{name} = {value!r} is not in the search space.")
+                raise InputError(
+                    f"{name} = {value!r} is not in the search space.",
+                    hint="choose a value in the limits of the dimension",
+                )
         return [place(dim, fixed[name]) if name in fixed else 0.5 for name, dim in space.items()]
 
     def map(self) -> Answer:

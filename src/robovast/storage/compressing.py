@@ -52,7 +52,10 @@ def pack_bucket(
     """
     plan = plan_download(store.objects(bucket), archive.parent / campaign, force=True)
     if not plan.files and not plan.runs:
-        raise InputError(f"the bucket {bucket} of {campaign} is empty: there is nothing to pack.")
+        raise InputError(
+            f"the bucket {bucket} of {campaign} is empty: there is nothing to pack.",
+            hint="wait until a run has finished",
+        )
     warnings = list(plan.warnings)
     records = {f"{run.path}/{RUN_RECORD}" for run in plan.runs}
     total = sum(file.item.size for file in plan.files) + sum(run.size for run in plan.runs)

@@ -137,8 +137,9 @@ def download_campaign(
         StorageError: the bucket cannot be read, the folder cannot be written, or some files
             could not be downloaded; the others are kept.
     """
-    refusal = f"{campaign}: another download is writing to it. Wait until it ends."
-    with _storage_errors(campaign), exclusive_folder(campaign / STAGE, refusal):
+    refusal = f"{campaign}: another download writes to this folder"
+    hint = "wait until the other download ends"
+    with _storage_errors(campaign), exclusive_folder(campaign / STAGE, refusal, hint):
         occupy(campaign, owner_of(store, bucket))
         if imported:
             mark_imported(campaign)

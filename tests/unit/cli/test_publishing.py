@@ -111,7 +111,7 @@ def test_another_file_can_say_what_to_publish(vast, results: Path, tmp_path: Pat
     ("publication", "code", "message"),
     [
         ("[]", 2, "there is nothing to publish"),
-        ("[{zip: {file_name: x}}]", 2, "has no parameter `file_name`; it has filename,"),
+        ("[{zip: {file_name: x}}]", 2, "has no parameter `file_name`\nhint: use one of filename,"),
         ("[{zip: {filename: '{x}.zip'}}]", 2, "\nhint: use one of robot, timestamp\n"),
         ("[{zip: 7}]", 2, "x.vast:3:"),
         ("[ftp]", 2, "there is no plugin `ftp`"),
@@ -218,8 +218,9 @@ def test_a_share_is_listed_and_emptied(
     assert (outcome.code, outcome.out) == (2, "")
     outcome = vast("results", "remove-from-share", "-y", "-i", "far-*", "-i", "near")
     assert outcome.code == 2
-    assert f"no campaign `near` on the file share. Available: far-away, far-off, {NAME}." in (
-        outcome.err
+    assert (
+        f"no campaign `near` on the file share\nhint: use one of far-away, far-off, {NAME}\n"
+        in (outcome.err)
     )
     assert "secret-77" not in outcome.err + outcome.out
     assert "Deleted" not in outcome.out
@@ -281,7 +282,7 @@ def test_a_described_share_is_where_results_come_from(
     outcome = vast("results", "download", "-i", "other")
     assert outcome.code == 2
     assert (
-        "file share. Available: far-away.\nhint: use `--from cluster` to search the object"
+        "file share\nhint: use one of far-away, or use `--from cluster` to search the object"
         in outcome.err
     )
     assert vast("results", "download", "--from", "cluster").code == 3

@@ -28,4 +28,4 @@ def test_options_of_clusters_do_not_apply_to_folders(
 def test_a_folder_that_is_missing_is_named(vast, tmp_path: Path) -> None:
     outcome = vast("replay", str(tmp_path / "bad" / "0"))
     assert outcome.code == 2
-    assert "bad/0: there is no such folder." in outcome.err
+    assert "bad/0: there is no such folder\n" in outcome.err

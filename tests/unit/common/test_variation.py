@@ -304,7 +304,7 @@ def test_a_plugin_in_a_file_loads_unchanged(tmp_path: Path) -> None:
         ("ParameterVariationLst", "Did you mean `ParameterVariationList`"),
         ("none.py:A", "there is no plugin file"),
         ("broken.py:A", "cannot be imported: ZeroDivisionError"),
-        ("fine.py:Missing", "fine.py has no `Missing`; it has VALUE"),
+        ("fine.py:Missing", "fine.py has no `Missing`. Use one of VALUE"),
         ("fine.py:VALUE", "is not a variation type"),
     ],
 )

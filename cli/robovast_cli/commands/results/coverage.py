@@ -126,7 +126,8 @@ def _gaps_document(document: Document, entries: Sequence[EntryCoverage]) -> tupl
         variants = expand_rows(document, found.entry, rows) if rows else []
         if any(variant.files for variant in variants):
             raise InputError(
-                f"`{found.entry.name}` generates files, which a .vast file cannot list."
+                f"`{found.entry.name}` generates files, which a .vast file cannot list.",
+                hint="exclude this configuration",
             )
         configurations += [
             {

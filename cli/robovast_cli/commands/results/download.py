@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from robovast.base.environment import environment
-from robovast.base.errors import CannotRunError, InputError, StorageError
+from robovast.base.errors import CannotRunError, InputError, StorageError, with_hint
 from robovast.base.optional_deps import CLUSTER
 from robovast.base.printable import printable
 from robovast.base.sizes import fmt_size
@@ -101,11 +101,8 @@ def download(
     except CannotRunError as error:
         if cluster_is_meant:
             raise
-        raise CannotRunError(
-            error.message,
-            hint=f"{error.hint}. To download from a file share, set ROBOVAST_SHARE_TYPE in the "
-            "environment or in a `.env` file".removeprefix(". "),
-        ) from error
+        share = "to download from a file share, set ROBOVAST_SHARE_TYPE (or use a `.env` file)"
+        raise CannotRunError(error.message, hint=with_hint(error.hint, share)) from error
 
 
 def _has_share() -> bool:
@@ -126,9 +123,8 @@ def _download_shared(
                 share, names, output, force=force, keep_archive=keep_archive, progress=progress
             )
         except NotOnShareError as error:
-            raise InputError(
-                error.message, hint="use `--from cluster` to search the object storage"
-            ) from error
+            hint = f"{error.hint}, or use `--from cluster` to search the object storage"
+            raise InputError(error.message, hint=hint) from error
     for folder in fetched:
         echo(f"{shown(folder)}: downloaded from the file share.")
         if warning := warn_of_executables(folder):

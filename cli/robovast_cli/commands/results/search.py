@@ -90,7 +90,10 @@ def search(
             hint="use `vast results search map --picture FILE`",
         )
     if at and what != "critical" and not (picture and what == "map"):
-        raise InputError(f"--at requires `critical`, or `map` with --picture, not `{what}`.")
+        raise InputError(
+            f"--at requires `critical`, or `map` with --picture, not `{what}`.",
+            hint="use `vast results search critical`, or `map` with `--picture FILE`",
+        )
     folder = named_campaign(results_dir or ctx.obj.results, campaign)
     with progress_line(f"Reading {folder.name}") as show:
         from robovast.search.results import stored_search
@@ -134,4 +137,6 @@ def _pair(text: str, space: Space) -> tuple[str, Any]:
     try:
         return name, next((one for one in listed if str(one) == value), parse_yaml(value))
     except ValueError:
-        raise InputError(f"--at {text}: the value is not valid YAML") from None
+        raise InputError(
+            f"--at {text}: the value is not valid YAML", hint="write the value as in a .vast file"
+        ) from None

@@ -285,7 +285,8 @@ class Transforms:
         if jumps and (jumps * frames > _MOST_LINKS or jumps * transforms > _MOST_COMPARED):
             raise InputError(
                 f"the stamps of its transforms jump back {jumps} times, which is too often for "
-                f"{frames} frames and {transforms:,} transforms."
+                f"{frames} frames and {transforms:,} transforms.",
+                hint="record the bag again with a steady clock",
             )
         links: list[dict[str, _Link]] = [{} for _ in range(jumps + 1)]
         for frame, samples in fixed.items():

@@ -214,7 +214,7 @@ def _bound(
     except TypeError as error:
         names = [name for name in signature.parameters if name not in GIVEN]
         own = ", ".join(f"`{name}`" for name in names[len(folders) :]) or "none"
-        raise InputError(f"{error}; its parameters are: {own}") from error
+        raise InputError(f"{error}", hint=f"use its parameters: {own}") from error
     return lambda: plugin(*folders, **parameters)
 
 

@@ -114,7 +114,9 @@ class PublicationPlugin:
             raise StorageError(f"the publication plugin `{self.name}` failed: {message}")
         if not all(isinstance(file, str | Path) for file in files):
             raise StorageError(
-                f"the publication plugin `{self.name}` returned files that are not paths: {files!r}"
+                f"the publication plugin `{self.name}` returned files that are not paths: "
+                f"{files!r}",
+                hint="return paths",
             )
         return message, [results_dir / file for file in files]
 
@@ -130,8 +132,8 @@ class PublicationPlugin:
         if unknown:
             known = ", ".join(name for name in self._named if name not in _OWN) or "none"
             raise InputError(
-                f"the publication plugin `{self.name}` has no parameter `{unknown[0]}`; it has "
-                f"{known}."
+                f"the publication plugin `{self.name}` has no parameter `{unknown[0]}`",
+                hint=f"use one of {known}",
             )
         missing = sorted(
             name
@@ -140,7 +142,8 @@ class PublicationPlugin:
         )
         if missing:
             raise InputError(
-                f"the publication plugin `{self.name}` needs the parameter `{missing[0]}`."
+                f"the publication plugin `{self.name}` needs the parameter `{missing[0]}`.",
+                hint="add the parameter in the .vast file",
             )
 
     @property

@@ -205,7 +205,10 @@ class Runner:
             finally:
                 self._children.discard(child)
         if self._closed:
-            raise CannotRunError("The server stopped while the notebook was running.")
+            raise CannotRunError(
+                "The server stopped while the notebook was running.",
+                hint="start the server and the notebook again",
+            )
         if not os.path.isfile(folder / "result.json"):
             said = read_end(log, folder, 2000)[0].decode(errors="replace").strip()
             raise CannotRunError(f"The notebook did not finish. {said}")

@@ -48,7 +48,8 @@ class Notebook:
             ) from None
         except OutsideError:
             raise OutsideError(
-                f"{self.path} is outside of the .vast file's folder {self.folder}."
+                f"{self.path} is outside of the .vast file's folder {self.folder}.",
+                hint="move the notebook into that folder",
             ) from None
 
 
@@ -78,7 +79,7 @@ class Target:
         path = resolved(self.results, "/".join(self.names))
         campaign = self.results / self.names[0]
         if path.relative_to(self.results).parts != self.names or not os.path.isdir(path):
-            raise MissingError(f"{path} is not a results folder.")
+            raise MissingError(f"{path} is not a results folder.", hint="name the results folder")
         if not holds_campaign(campaign):
             raise MissingError(f"{campaign} is not a campaign.")
         if self.batch is not None:
@@ -110,7 +111,10 @@ def target_of(path: Path, batch: int | None = None) -> Target:
         names = folder.relative_to(results).parts
         if holds_campaign(results / names[0]):
             return Target(results, names, batch)
-    raise InputError(f"{path} is the folder of no campaign, configuration or run.")
+    raise InputError(
+        f"{path} is the folder of no campaign, configuration or run.",
+        hint="name the folder of a campaign, configuration or run",
+    )
 
 
 def find_notebooks(target: Target, override: Path | None) -> list[Notebook]:
@@ -165,7 +169,8 @@ def find_notebook(target: Target, workload: str | None, override: Path | None) -
     if not found:
         raise MissingError(
             f"`evaluation.visualization` of {target.names[0]} names no notebook for a "
-            f"{target.scope}."
+            f"{target.scope}.",
+            hint="add a notebook to `evaluation.visualization`",
         )
     raise MissingError(
         f"{workload or 'none'} is not a workload of the .vast file", hint=f"use one of {known}"

@@ -179,4 +179,7 @@ def recorded_seed(layout: Layout) -> int | None:
     found = record.get("seed")
     if found is None or type(found) is int:
         return found
-    raise InputError(f"{layout.execution_record}: `seed` must be a whole number, not {found!r}.")
+    raise InputError(
+        f"{layout.execution_record}: `seed` must be a whole number, not {found!r}.",
+        hint="restore the file",
+    )

@@ -93,11 +93,10 @@ def executing(session: Session, observer: ExecutionObserver) -> Iterator[Executi
     """
     refuse_links(session.layout)
     root = session.layout.root
-    refusal = (
-        f"{root}: another `vast` is running this campaign. Wait until it finishes, or stop it."
-    )
+    refusal = f"{root}: another `vast` is running this campaign"
+    hint = "wait until it finishes, or stop it"
     with (
-        exclusive_folder(session.layout.running, refusal),
+        exclusive_folder(session.layout.running, refusal, hint),
         logged(session.layout, observer) as told,
         trusted_code(session.layout.root, session.options),
     ):

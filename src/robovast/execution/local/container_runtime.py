@@ -49,7 +49,10 @@ class ContainerRuntime:
         command = [self.name, "run", "--rm", "--network", "none", "--entrypoint", "cat"]
         result = call([*command, self._image, VERSION_PATH])
         if not result.ok and "No such file" not in result.errors:
-            raise CannotRunError(f"{self._image} cannot be started: {result.last_error}")
+            raise CannotRunError(
+                f"{self._image} cannot be started: {result.last_error}",
+                hint="check the image, or use `--runtime process`",
+            )
         check_compat(self._image, result.output.strip() if result.ok else None)
         digest = image_digest(self.name, self._image)
         return RuntimeIdentity(self._image, digest, content=digest)

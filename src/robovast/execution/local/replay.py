@@ -85,9 +85,12 @@ def find_run(folder: Path) -> ExecutedRun:
     folder = Path(os.path.realpath(folder))  # `..` leads out of the run's folder, not of a link
     record = read_run_record(folder)
     if record is None or not is_run_number(folder.name):
-        raise InputError(f"{folder}: {_why_no_run(folder)}")
+        raise _no_run(folder)
     if not record.finished:
-        raise InputError(f"{folder}: was interrupted, so that there is nothing to compare with.")
+        raise InputError(
+            f"{folder}: was interrupted, so that there is nothing to compare with.",
+            hint="name a run with a verdict",
+        )
     layout, name = Layout(folder.parent.parent), folder.parent.name
     data = read_inputs(layout, name)
     check_inputs(folder, data)
@@ -96,15 +99,17 @@ def find_run(folder: Path) -> ExecutedRun:
     )
 
 
-def _why_no_run(folder: Path) -> str:
-    wanted = "Name the folder of a run, `<campaign>/<configuration>/<run>`"
+def _no_run(folder: Path) -> InputError:
+    """Return the error about a folder that is not the folder of a run."""
+    hint = "name the folder of a run, `<campaign>/<configuration>/<run>`"
     if not os.path.exists(folder):
-        return f"there is no such folder. {wanted}."
+        return InputError(f"{folder}: there is no such folder", hint=hint)
     found = (glob.glob(f"{up}/{RUN_RECORD}", root_dir=folder) for up in ("*", "*/*"))
     runs = sorted((folder / name).parent for name in chain(*found))
     if runs:
-        return f"is not the folder of one run. {wanted}, such as {runs[0]}."
-    return f"there is no run with a `{RUN_RECORD}` of this version. {wanted}."
+        hint += f", such as {runs[0]}"
+        return InputError(f"{folder}: is not the folder of one run", hint=hint)
+    return InputError(f"{folder}: there is no run with a `{RUN_RECORD}` of this version", hint=hint)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,10 @@ def read_inputs(layout: Layout, variant: str) -> dict[str, Any]:
     document_path(layout, data)
     items = [item for item in data["configs"] if item["name"] == variant]
     if not items:
-        raise InputError(f"{layout.configurations}: has no configuration `{variant}`.")
+        raise InputError(
+            f"{layout.configurations}: has no configuration `{variant}`.",
+            hint="use a configuration of the campaign",
+        )
     return {**data, "configs": items}
 
 

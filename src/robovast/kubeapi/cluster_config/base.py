@@ -170,7 +170,10 @@ class BaseConfig:
         store = ObjectStore(endpoint, Credentials(*self.get_s3_credentials()))
         found = find_bucket(store, campaign_id)
         if found is None:
-            raise InputError(f"{address} has no results of a campaign `{campaign_id}`.")
+            raise InputError(
+                f"{address} has no results of a campaign `{campaign_id}`.",
+                hint="check the name and the namespace of the campaign",
+            )
         bucket, owner = found
         name = owner.campaign if owner is not None else campaign_id
         archive = Path(archive_dir) / f"{name}.tar.gz"

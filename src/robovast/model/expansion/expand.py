@@ -213,7 +213,7 @@ def _apply(
         variation.entry = entry.name
         made = variation.variation(configs)
     except CannotRunError as error:
-        raise CannotRunError(f"{where}: {error}") from error
+        raise CannotRunError(f"{where}: {error.message}", hint=error.hint) from error
     except (RobovastError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
@@ -280,7 +280,10 @@ def _config_file(variant: str, item: Any) -> ConfigFile:
     if path.is_absolute() or ".." in path.parts:
         raise InputError(f"configuration `{variant}`: the file `{relative}` leaves its folder.")
     if not os.path.isfile(source):
-        raise InputError(f"configuration `{variant}`: the file {source} does not exist.")
+        raise InputError(
+            f"configuration `{variant}`: the file {source} does not exist.",
+            hint="add the file, or correct the path",
+        )
     return ConfigFile(str(path), Path(source).absolute())
 
 

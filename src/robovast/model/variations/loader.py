@@ -31,8 +31,8 @@ def load_variation(name: str, folder: str | Path) -> type[Variation]:
     found = _BUILT_IN.get(name) or load_plugin(name, GROUP, folder)
     if not (isinstance(found, type) and issubclass(found, Variation)):
         raise InputError(
-            f"`{name}` is not a variation type: it must be a class that inherits from "
-            "robovast.common.variation.Variation"
+            f"`{name}` is not a variation type",
+            hint="write a class that inherits from robovast.common.variation.Variation",
         )
     return found
 

@@ -91,5 +91,6 @@ def _one(image: str, written: Iterable[Path], name: str, what: str) -> Path:
 def _missing(image: str, name: str, what: str, written: Iterable[Path]) -> InputError:
     files = ", ".join(path.name for path in written) or "nothing"
     return InputError(
-        f"the generator {image} must write {what} as one `{name}` below /output; it wrote {files}."
+        f"the generator {image} wrote {files}",
+        hint=f"let the generator write {what} as one `{name}` below /output",
     )

@@ -79,8 +79,8 @@ class Share:
             matching = [name] if name in known else fnmatch.filter(known, name)
             if not matching and not _GLOB.intersection(name):
                 raise NotOnShareError(
-                    f"no campaign `{name}` on the file share. Available: "
-                    f"{', '.join(known) or 'none'}."
+                    f"no campaign `{name}` on the file share",
+                    hint=f"use one of {', '.join(known) or 'none'}",
                 )
             if not matching:
                 _log.warning("no campaign on the file share matches `%s`.", name)
@@ -260,7 +260,10 @@ def load_provider(kind: str, folder: Path) -> BaseShareProvider:
     """
     provider_class = load_plugin(kind, GROUP, folder)
     if not (isinstance(provider_class, type) and issubclass(provider_class, BaseShareProvider)):
-        raise InputError(f"the share provider `{kind}` is not a subclass of BaseShareProvider.")
+        raise InputError(
+            f"the share provider `{kind}` is not a subclass of BaseShareProvider.",
+            hint="write a class that inherits from BaseShareProvider",
+        )
     try:
         return provider_class()
     except RobovastError:

@@ -369,7 +369,7 @@ def _key() -> dict[str, Any] | None:
         key = json.loads(text or read_text(Path(str(path)).expanduser()))
         return {name: key[name] for name in ("client_email", "private_key", "token_uri")}
     except InputError as error:
-        raise InputError(f"{KEY_FILE}: {error}") from None
+        raise InputError(f"{KEY_FILE}: {error.message}", hint=error.hint) from None
     except (ValueError, KeyError, TypeError):
         raise InputError(
             f"{(KEY_JSON if text else KEY_FILE)} contains no key of a service account",

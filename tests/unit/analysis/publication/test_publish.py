@@ -159,7 +159,7 @@ WRONG = {
     "p.py:number": "is a int. Write a function",
     "p.py:Odd": "plugin_type 'strange'",
     "p.py:Broken": "cannot be instantiated: OSError: no disk",
-    "p.py:whole: {place: x}": "has no parameter `place`; it has destination",
+    "p.py:whole: {place: x}": "has no parameter `place`. Use one of destination",
     "p.py:needs": "needs the parameter `bucket`",
     "p.py:some: {context: x}": "cannot be given `context`",
 }

@@ -243,7 +243,9 @@ def _external_secret(config: BaseConfig) -> dict[str, Any]:
 def _kueue(config: BaseConfig, *, is_there: bool, context: str | None) -> dict[str, Any]:
     wanted = config.options.get("kueue", "auto")
     if wanted not in {"auto", "true", "false"}:
-        raise InputError(f"kueue must be one of auto, true, false, not `{wanted}`.")
+        raise InputError(
+            f"kueue: `{wanted}` is not a valid value", hint="use one of auto, true, false"
+        )
     if wanted == "false" or (wanted == "auto" and not is_there):
         return {"kueue": {"enabled": False}}
     cores, memory = config.get_cluster_allocatable_resources(context)
