@@ -157,7 +157,10 @@ def test_what_cannot_be_minimised_is_one_message(tmp_path: Path) -> None:
             [sound / "hall-1" / "0"],
             "hall-1/0: passed, so there is no failure to reduce\nhint: name a failed run",
         ),
-        ([sound / "hall-2" / "9"], "hall-2/9: there is no such folder. Name the folder of a run"),
+        (
+            [sound / "hall-2" / "9"],
+            "hall-2/9: there is no such folder\nhint: name the folder of a run",
+        ),
         ([failing, "--good", "0.5", "--bad", "0.2"], "--good must be less than --bad"),
         ([failing, "--resume", sound], "hint: use `--resume` with a folder that `vast minimise`"),
         ([failing, "--out", sound / "inside"], "which a replay leaves as it is"),

@@ -297,8 +297,8 @@ def test_a_folder_that_is_not_there_is_an_error_in_words(tmp_path: Path) -> None
     ("folder", "said"),
     [
         ("none", "does not exist"),
-        (NAME, "is the folder of a campaign. Name the folder of a run"),
-        (f"{NAME}/hall-1", "is not a run folder. Name the folder of a run"),
+        (NAME, "is the folder of a campaign\nhint: name the folder of a run"),
+        (f"{NAME}/hall-1", "is not a run folder\nhint: name the folder of a run"),
         (f"{NAME}/hall-2/0", "has no recording: no folder contains .mcap or .db3 files"),
     ],
 )

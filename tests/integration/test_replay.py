@@ -128,8 +128,8 @@ def test_what_cannot_be_replayed_is_one_message(tmp_path: Path) -> None:
     config = folder.parent.parent / "_config"
     assert replay(folder.parent / "9")[1].count("there is no such folder") == 1
     for several in (folder.parent, folder.parent.parent):
-        assert f"{several}: is not the folder of one run." in replay(several)[1]
-        assert f"such as {folder}." in replay(several)[1]
+        assert f"{several}: is not the folder of one run\n" in replay(several)[1]
+        assert f"such as {folder}\n" in replay(several)[1]
     (config / "files/step.sh").rename(tmp_path / "step.sh")
     code, said = replay(folder)
     assert (code, said) == (

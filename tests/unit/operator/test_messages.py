@@ -25,7 +25,7 @@ MAKERS = {
     "Rejected": 1,
     "Waiting": 2,
     "Mishap": 2,
-    "Message": 2,
+    "EventContent": 2,
     "InputError": 0,
     "TooLargeError": 0,
 }
@@ -159,7 +159,7 @@ def test_the_source_has_the_messages_that_are_looked_for() -> None:
         ('Trouble("lost pod", "Node is lost.")', "the reason is not CamelCase"),
         ('("Stalled", "True", "Lost", "It is lost.")', "a sentence begins with a pronoun"),
         ('Trouble("Lost", why or "The node lost its pod.")', "a pronoun stands for the noun"),
-        ('Message("Normal", "Lost", a if a else "no", "x")', "the first letter is no capital"),
+        ('EventContent("Normal", "Lost", a if a else "no", "x")', "the first letter is no capital"),
     ],
 )
 def test_a_message_without_the_form_is_found(line: str, fault: str) -> None:
