@@ -814,7 +814,7 @@ def test_a_shell_of_a_run_that_is_not_executed_names_the_command_that_says_more(
     outcome = vast("shell", name, "sweep-1-1/0")
     assert outcome.code == 3
     assert (
-        f"`vast exec cluster logs {name} sweep-1-1/0 --namespace {namespace}` prints" in outcome.err
+        f"`vast exec cluster logs {name} sweep-1-1/0 --namespace {namespace}` to see" in outcome.err
     )
 
 
@@ -908,7 +908,7 @@ def test_results_that_were_removed_keep_no_others(
     outcome = vast("download", "-o", "home", group=("results",))
     assert outcome.code == 5
     assert "NoSuchBucket" in outcome.err
-    assert "incomplete download: gone." in outcome.err
+    assert "incomplete download: gone\n" in outcome.err
     assert (tmp_path / f"home/{stored.name}-2026/sweep-1-1/0/run.json").is_file()
 
 

@@ -88,6 +88,8 @@ def upload_to_share(
             except KeyboardInterrupt:
                 echo("\nDisplay stopped. A started upload continues in the cluster.")
                 return ExitCode.INTERRUPTED
+    if len(uploads.errors) == 1:
+        raise uploads.errors[0]
     if uploads.errors:
         raise type(uploads.errors[0])("\n".join(map(str, uploads.errors)))
     return ExitCode.OK
