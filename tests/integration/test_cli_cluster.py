@@ -1034,7 +1034,7 @@ def test_an_upload_is_begun_once_and_leaves_nothing_when_it_cannot_begin(
     monkeypatch.setenv("ROBOVAST_WEBDAV_PASSWORD", "wrong-one")
     outcome = vast(*upload, "--force")
     assert outcome.code == 5
-    assert "Check ROBOVAST_WEBDAV_USER and ROBOVAST_WEBDAV_PASSWORD" in outcome.err
+    assert "hint: check ROBOVAST_WEBDAV_USER and ROBOVAST_WEBDAV_PASSWORD" in outcome.err
     assert "wrong-one" not in outcome.err
     monkeypatch.delenv("ROBOVAST_WEBDAV_USER")
     outcome = vast(*upload)
