@@ -60,6 +60,7 @@ def test_no_object_takes_keys_that_nobody_described() -> None:
     }
     assert free == {
         "values.global",
+        "values.example.scheduling",
         "values.scheduling.affinity",
         "values.scheduling.nodeSelector",
         "values.kueue.resources",

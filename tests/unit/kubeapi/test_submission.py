@@ -170,7 +170,7 @@ def test_amounts_for_other_clusters_alone_are_refused(
             "kubernetes: {ephemeral_storage: 1GB}",
             r"storage: `1GB` is not a valid quantity of disk",
         ),
-        ("kubernetes: {ephemeral_storage: 20}", r"\.ephemeral_storage: `20` is .* mean `20Gi`"),
+        ("kubernetes: {ephemeral_storage: 20}", r"\.ephemeral_storage: `20` is .* `20Gi`"),
         ("secondary_containers: [{nav: {resources: {memory: 4}}}]", r"of nav: `4` is 4 bytes"),
     ],
 )

@@ -147,7 +147,7 @@ def test_every_message_in_the_source_is_a_sentence(path: Path) -> None:
 
 def test_the_source_has_the_messages_that_are_looked_for() -> None:
     found = {text for path in ROOT.rglob("*.py") for _, text in messages_of(path.read_text())}
-    assert len(found) > 90
+    assert len(found) > 80
     assert any(text.startswith("Kueue has no WorkloadPriorityClass") for text in found)
 
 

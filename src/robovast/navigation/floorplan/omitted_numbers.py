@@ -23,7 +23,7 @@ class Value:
 
 
 @dataclass
-class Coordinate:
+class Axis:
     """One coordinate, or the size of a wall."""
 
     key: str
@@ -38,14 +38,14 @@ class Translation:
 
 
 @dataclass
-class RelativeRotation:
+class Rotation:
     """How it is turned there."""
 
     axes: list[Any] = field(default_factory=list)
 
 
 @dataclass
-class GivenPose:
+class Location:
     """The pose of something."""
 
     parts: list[Any] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Walls:
     sizes: list[Any] = field(default_factory=list)
 
 
-PartT = TypeVar("PartT", GivenPose, Translation, RelativeRotation, Walls)
+PartT = TypeVar("PartT", Location, Translation, Rotation, Walls)
 
 
 def add_number(element: Any, attribute: str) -> Value | None:
@@ -71,13 +71,13 @@ def add_number(element: Any, attribute: str) -> Value | None:
     value = Value(element._tx_position)
     match attribute.split("."):
         case ["location", "translation", "x" | "y" | "z" as axis]:
-            location = _part(element.parts, GivenPose)
-            _part(location.parts, Translation).axes.append(Coordinate(axis, value))
+            location = _part(element.parts, Location)
+            _part(location.parts, Translation).axes.append(Axis(axis, value))
         case ["location", "rotation", "x" | "y" | "z" as axis]:
-            location = _part(element.parts, GivenPose)
-            _part(location.parts, RelativeRotation).axes.append(Coordinate(axis, value))
+            location = _part(element.parts, Location)
+            _part(location.parts, Rotation).axes.append(Axis(axis, value))
         case ["wall", "thickness" | "height" as size] if kind(element) == "Space":
-            _part(element.parts, Walls).sizes.append(Coordinate(size, value))
+            _part(element.parts, Walls).sizes.append(Axis(size, value))
         case _:
             return None
     return value

@@ -78,7 +78,7 @@ def test_it_is_ended_when_its_original_is_told_to_end() -> None:
 
 AT_EACH_LINE = """\
 import signal, sys, threading, time
-from robovast.agent import apart
+from robovast.agent import separate_process as apart
 from robovast.base.signals import call_on_signals
 
 def at_line(line):
