@@ -158,7 +158,7 @@ def test_a_configuration_in_the_place_of_the_folder_is_asked_about(tmp_path: Pat
     file = make_campaign(tmp_path / "in", PASS)
     command = [VAST, "-V", file, "exec", "local", "run", "one-2", "--runtime", "process"]
     refused = subprocess.run(command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True)
-    assert (refused.returncode, b"`--config 'one-2'` runs" in refused.stderr) == (2, True)
+    assert (refused.returncode, b"hint: use `--config 'one-2'`" in refused.stderr) == (2, True)
     assert not (tmp_path / "one-2").exists()
     for answer, total in ((b"\n", b"1 run:"), (b"n\n", b"3 runs:")):
         main, other = pty.openpty()
