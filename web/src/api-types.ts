@@ -531,7 +531,7 @@ export interface Timeline {
   /** [s since the epoch] */
   start: number;
   end: number;
-  /** Number of messages of each topic in each of `BINS` equal intervals. */
+  /** Number of messages of each topic in each of equal intervals. */
   topics: Record<string, number[]>;
 }
 

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 
 from robovast.base.bounds import Bound
 from robovast.base.errors import InputError
 from robovast.evaluation.confined_files import MissingError, resolved
 from robovast.evaluation.drive.recording import open_files
+from robovast.evaluation.run import Timeline
 
 BINS = 150
 """Number of intervals into which a bag's time is divided."""
@@ -22,17 +22,6 @@ _TICK = 50_000_000
 """Resolution [ns]"""
 Ticks = Counter[tuple[str, int]]
 """Messages by topic and tick."""
-
-
-@dataclass(frozen=True)
-class Timeline:
-    """Messages over time."""
-
-    start: float
-    """[s since the epoch]"""
-    end: float
-    topics: dict[str, list[int]]
-    """Number of messages of each topic in each of `BINS` equal intervals."""
 
 
 def read_timeline(root: Path, relative: str) -> Timeline:

@@ -45,6 +45,17 @@ class Bag:
     """Name, type and number of messages of each topic."""
 
 
+@dataclass(frozen=True)
+class Timeline:
+    """Messages over time."""
+
+    start: float
+    """[s since the epoch]"""
+    end: float
+    topics: dict[str, list[int]]
+    """Number of messages of each topic in each of equal intervals."""
+
+
 @dataclass(frozen=True, slots=True)
 class Origin:
     """The origin of a file."""

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robovast.campaign.verdict import Verdict
-from robovast.evaluation.bag_timeline import Timeline
 from robovast.evaluation.campaign_inputs import About, Change
 from robovast.evaluation.columns import CampaignColumns
 from robovast.evaluation.compare import Comparison
@@ -19,7 +18,7 @@ from robovast.evaluation.launch.cluster_commands import ClusterCommand
 from robovast.evaluation.log_search import FoundRun
 from robovast.evaluation.logs import LogPage
 from robovast.evaluation.notebooks.runner import NotebookResult
-from robovast.evaluation.run import RunDetails
+from robovast.evaluation.run import RunDetails, Timeline
 from robovast.evaluation.server.launches import News, Offer
 from robovast.evaluation.server.notebooks import NotebookEntry
 from robovast.evaluation.server.preparing import Prepared
