@@ -121,7 +121,7 @@ def test_a_missing_engine_or_image_is_named(vast, document: Path, tmp_path: Path
     done = vast("config", "list", PATH=str(tmp_path))
     assert done.returncode == 3
     assert "configuration `square`" in done.stderr
-    assert "neither docker nor podman is here" in done.stderr
+    assert "neither docker nor podman is installed" in done.stderr
     assert "does not answer" in vast("config", "list", DOCKER_HOST="unix:///none").stderr
     document.write_text(DOCUMENT.replace(IMAGE, "localhost:5000/none:1"))
     assert "localhost:5000/none:1 is not on this machine" in vast("config", "list").stderr

@@ -66,7 +66,7 @@ def test_commands_of_messages_install_their_extras(tmp_path: Path) -> None:
         before = run("python", "-c", PROGRAM, extra.name)
         if before.returncode == 0:  # others brought its packages
             continue
-        command = before.stderr.strip().rpartition(": ")[2]
+        command = before.stderr.strip().rpartition("Run ")[2].strip("`.")
         assert command == f"pip install '{wheel}[{extra.name}]'"
         if extra.name not in TYPED:
             others.append(extra.name)

@@ -347,6 +347,6 @@ def test_a_replay_takes_the_image_of_the_digest_that_ran_and_says_when_that_is_g
     code, said = replay()
     assert code == 3
     assert f"the image {gone} is not on this machine and cannot be pulled" in said
-    assert "with the current image of this name: `--image registry.invalid/runs:1`." in said
+    assert "with the current image of this name: `--image registry.invalid/runs:1`" in said
     assert replay("--image", slim_image)[0] == 0
     assert containers() == []

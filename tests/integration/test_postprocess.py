@@ -255,9 +255,9 @@ BAD_MESSAGES = {
     "hides_it": "must not write",
     "claims_outside": "lists ../x, which is outside of the campaign",
     "leaves_no_json": "its provenance file is not JSON",
-    "takes_b": "missing a required argument: 'b'; its parameters are: `b`",
+    "takes_b": "missing a required argument: 'b'. Use its parameters: `b`",
     "no_function": "is a int, which cannot be called",
-    "missing": "has no `missing`; it has",
+    "missing": "has no `missing`. Use one of",
 }
 
 

@@ -169,7 +169,7 @@ def test_an_ended_search_goes_on_with_more_batches(tmp_path: Path) -> None:
     assert (later.total, len(proposed_values(summary.campaign))) == (8, 4), (
         "as it was told the last time"
     )
-    with pytest.raises(InputError, match=r"has 4 batches; .* give more than 4"):
+    with pytest.raises(InputError, match=r"has 4 batches, .* Use a number greater than 4"):
         resume(summary.campaign, LocalOptions(runtime="process", batches=4), Recorder())
 
 
@@ -202,7 +202,7 @@ def test_fewer_batches_than_another_program_has_done_before_the_lock_are_refused
 ) -> None:
     summary, _ = run_searched(tmp_path, at_random(1))
     extended_before_the_lock(summary.campaign, monkeypatch)
-    with pytest.raises(InputError, match=r"has 3 batches; .* give more than 3"):
+    with pytest.raises(InputError, match=r"has 3 batches, .* Use a number greater than 3"):
         resume(summary.campaign, LocalOptions(runtime="process", batches=2), Recorder())
     assert search_local.recorded_batches(_layout(summary.campaign)) == 3
 
