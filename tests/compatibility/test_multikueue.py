@@ -222,10 +222,7 @@ def test_a_campaign_is_executed_in_the_worker_alone_with_all_that_it_needs(
 
 
 def test_a_worker_that_was_lost_for_a_while_goes_on_where_it_was(lab: Lab) -> None:
-    lab.start("few", SOUTH)
-    lab.until(lambda: lab.executes("south"))
-    lab.end("south", 0, 1)
-    lab.until(lambda: lab.runs("few") == (4, 2, 0))
+    start_and_end_half(lab)
     with lab.clusters.workers["south"].cable.pulled():
         lab.until(lambda: lab.stalled("few") == "WorkerLost")
         lab.end("south", 2, 3)
@@ -279,21 +276,23 @@ def test_a_worker_that_was_given_up_may_take_the_same_campaign_again(lab: Lab) -
     lab.end_all("south", "few")
 
 
-def test_a_job_that_somebody_deletes_in_a_worker_begins_anew_there(lab: Lab) -> None:
+def start_and_end_half(lab: Lab) -> None:
+    """Start a campaign in the south, and end the first two of its four Jobs' runs there."""
     lab.start("few", SOUTH)
     lab.until(lambda: lab.executes("south"))
     lab.end("south", 0, 1)
     lab.until(lambda: lab.runs("few") == (4, 2, 0))
+
+
+def test_a_job_that_somebody_deletes_in_a_worker_begins_anew_there(lab: Lab) -> None:
+    start_and_end_half(lab)
     lab.kubectl("south", "delete", "jobs", "--all")
     lab.until(lambda: lab.executes("south"))
     lab.end_all("south", "few")
 
 
 def test_a_suspended_campaign_has_no_pods_in_its_worker(lab: Lab) -> None:
-    lab.start("few", SOUTH)
-    lab.until(lambda: lab.executes("south"))
-    lab.end("south", 0, 1)
-    lab.until(lambda: lab.runs("few") == (4, 2, 0))
+    start_and_end_half(lab)
     lab.change("manager", "campaign", "few", {"suspend": True})
     lab.until(lambda: not lab.pods("south"))
     lab.until(lambda: lab.runs("few") == (0, 2, 0))
