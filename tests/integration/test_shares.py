@@ -173,7 +173,7 @@ def test_an_archive_is_replaced_and_removed(share: Share, place: Place, tmp_path
     share.remove(share.chosen([NAME])[0])
     assert place.names() == set()
     assert not share.provider.archive_exists_on_share(ARCHIVE)
-    with pytest.raises(InputError, match=r"no campaign `my camp.*Available: none"):
+    with pytest.raises(InputError, match=r"no campaign `my camp.*Upload a campaign"):
         share.chosen([NAME])
     with pytest.raises(InputError, match=r"there is no"):
         share.provider.remove_archive(ARCHIVE)
@@ -269,7 +269,7 @@ def test_a_server_that_is_not_there_is_told_soon(
     place.proxy.close()
     with (
         open_share() as other,
-        pytest.raises(StorageError, match="check the address and the network"),
+        pytest.raises(StorageError, match="Check the address"),
     ):
         other.campaigns()
 

@@ -71,6 +71,12 @@ def with_hint(message: str, hint: str) -> str:
     return f"{message}\n{last}" if "\n" in message else f"{_sentence(message)} {last}"
 
 
+def one_of(names: Iterable[object], otherwise: str = "") -> str:
+    """Return the hint to use one of these names; `otherwise` if there are none."""
+    listed = ", ".join(map(str, names))
+    return f"use one of {listed}" if listed else otherwise
+
+
 def _sentence(text: str) -> str:
     return text if text.endswith((".", "!", "?", "…")) else f"{text}."
 

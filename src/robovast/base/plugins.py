@@ -16,7 +16,7 @@ from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robovast.base.errors import CannotRunError, InputError, RobovastError
+from robovast.base.errors import CannotRunError, InputError, RobovastError, one_of
 from robovast.base.optional_deps import missing_extra
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def load_plugin(reference: str, group: str, folder: str | Path) -> Any:
     except AttributeError:
         public = [key for key in vars(module) if not key.startswith("_")]
         raise InputError(
-            f"{path} has no `{name}`", hint=f"use one of {', '.join(public) or 'nothing'}"
+            f"{path} has no `{name}`", hint=one_of(public, f"define `{name}` in the file")
         ) from None
 
 

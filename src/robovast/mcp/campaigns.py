@@ -9,6 +9,7 @@ from typing import Any
 
 from fastmcp import FastMCP
 
+from robovast.base.errors import one_of
 from robovast.campaign.failure_groups import FailureGroup, failure_groups
 from robovast.campaign.verdict import Verdict
 from robovast.evaluation.compare import compare
@@ -193,8 +194,8 @@ def _find_run(variant: VariantRuns, number: int) -> RunSummary:
     for run in variant.runs:
         if run.number == number:
             return run
-    known = ", ".join(str(run.number) for run in variant.runs[:20])
-    raise MissingError(f"{variant.name} has no run {number}", hint=f"use one of {known or 'none'}")
+    hint = one_of((run.number for run in variant.runs[:20]), "wait until a run has finished")
+    raise MissingError(f"{variant.name} has no run {number}", hint=hint)
 
 
 def _cause(group: FailureGroup[str]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pydantic import AliasChoices, BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
 from robovast.base import docstrings
-from robovast.base.errors import InputError
+from robovast.base.errors import InputError, one_of
 from robovast.model.strict_numbers import StrictNumbers
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
@@ -125,7 +125,7 @@ def load_config(
     if subsection not in data and not allow_missing:
         raise InputError(
             f"{config_file}: there is no section `{subsection}`",
-            hint=f"use one of {', '.join(map(str, data)) or 'none'}",
+            hint=one_of(data, f"add the section `{subsection}`"),
         )
     return dict(data.get(subsection) or {})
 

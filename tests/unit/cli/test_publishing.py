@@ -282,7 +282,7 @@ def test_a_described_share_is_where_results_come_from(
     outcome = vast("results", "download", "-i", "other")
     assert outcome.code == 2
     assert (
-        "file share\nhint: use one of far-away, or use `--from cluster` to search the object"
+        "file share\nhint: use one of far-away, or search the object storage with `--from"
         in outcome.err
     )
     assert vast("results", "download", "--from", "cluster").code == 3

@@ -123,7 +123,7 @@ def _download_shared(
                 share, names, output, force=force, keep_archive=keep_archive, progress=progress
             )
         except NotOnShareError as error:
-            hint = f"{error.hint}, or use `--from cluster` to search the object storage"
+            hint = f"{error.hint}, or search the object storage with `--from cluster`"
             raise InputError(error.message, hint=hint) from error
     for folder in fetched:
         echo(f"{shown(folder)}: downloaded from the file share.")

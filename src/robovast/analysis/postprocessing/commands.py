@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel, Field, ValidationError
 
 from robovast.analysis.postprocessing.content import digests, file_digest, scan
-from robovast.base.errors import DocumentError, InputError, RobovastError
+from robovast.base.errors import DocumentError, InputError, RobovastError, one_of
 from robovast.base.optional_deps import ROS, VIDEO
 from robovast.base.plugins import plugins_of, split_file_reference
 from robovast.base.serialization import fingerprint
@@ -157,8 +157,8 @@ def skipped(calls: Iterable[PluginCall], names: Sequence[str]) -> list[PluginCal
             kept = unfolded(kept)
         rest = [call for call in kept if not _is_called(call, name)]
         if len(rest) == len(kept):
-            known = ", ".join(f"`{call.name}`" for call in kept) or "none"
-            raise InputError(f"--skip {name}: there is no such command", hint=f"use one of {known}")
+            hint = one_of((f"`{call.name}`" for call in kept), "remove `--skip`")
+            raise InputError(f"--skip {name}: there is no such command", hint=hint)
         kept = rest
     return kept
 

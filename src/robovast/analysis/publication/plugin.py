@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from robovast.analysis.publication.context import PublicationContext
-from robovast.base.errors import InputError, RobovastError, StorageError
+from robovast.base.errors import InputError, RobovastError, StorageError, one_of
 from robovast.base.plugins import load_plugin, raised
 from robovast.model.document.section import PluginCall
 
@@ -130,10 +130,10 @@ class PublicationPlugin:
             )
         unknown = [] if self._takes_any else sorted(set(self.parameters) - set(self._named))
         if unknown:
-            known = ", ".join(name for name in self._named if name not in _OWN) or "none"
+            known = [name for name in self._named if name not in _OWN]
             raise InputError(
                 f"the publication plugin `{self.name}` has no parameter `{unknown[0]}`",
-                hint=f"use one of {known}",
+                hint=one_of(known, "remove the parameter"),
             )
         missing = sorted(
             name

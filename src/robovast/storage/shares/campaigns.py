@@ -13,7 +13,7 @@ from pathlib import Path
 
 from robovast.base.atomic import put_in_place
 from robovast.base.environment import dotenv_loaded
-from robovast.base.errors import InputError, RobovastError, StorageError
+from robovast.base.errors import InputError, RobovastError, StorageError, one_of
 from robovast.base.file_errors import writing
 from robovast.base.plugins import load_plugin, plugins_of, raised, split_file_reference
 from robovast.campaign.importing import campaign_of_archive, import_archive
@@ -80,7 +80,7 @@ class Share:
             if not matching and not _GLOB.intersection(name):
                 raise NotOnShareError(
                     f"no campaign `{name}` on the file share",
-                    hint=f"use one of {', '.join(known) or 'none'}",
+                    hint=one_of(known, "upload a campaign to the file share first"),
                 )
             if not matching:
                 _log.warning("no campaign on the file share matches `%s`.", name)
