@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 from robovast import __version__
 
@@ -42,6 +43,17 @@ autodoc_member_order = "bysource"
 _mermaid = os.environ.get("ROBOVAST_MERMAID")
 html_static_path = [_mermaid] if _mermaid else []
 mermaid_use_local = "mermaid.esm.min.mjs" if _mermaid else ""
+
+
+def _link_included_pages(_app: object, _page: str, text: list[str]) -> None:
+    """Replace links to files outside this folder by links to the pages that include the files."""
+    text[0] = text[0].replace("(../../SECURITY.md", "(../reference/security-policy.md")
+
+
+def setup(app: Any) -> None:
+    """Connect the functions above with Sphinx."""
+    app.connect("source-read", _link_included_pages)
+
 
 # Old pages, and the pages with their content.
 redirects = {

@@ -57,6 +57,14 @@ def test_the_start_page_links_each_page_also_where_no_table_of_contents_is_shown
     assert listed == [f"{name}.md" for name in names]
 
 
+def test_each_card_of_the_start_page_has_its_options_on_separate_lines() -> None:
+    text = (ROOT / "docs/index.md").read_text(encoding="utf-8")
+    cards = re.findall(r"^:::\{grid-item-card\} [^\n]+\n(.*?)^:::$", text, re.DOTALL | re.MULTILINE)
+    options = r":link: \S+\n:link-type: doc\n[A-Z][^\n]*\.\n"
+    assert [card for card in cards if not re.fullmatch(options, card)] == []
+    assert len(cards) == text.count("{grid-item-card}") > 3
+
+
 def test_each_old_page_leads_to_a_page() -> None:
     redirects = runpy.run_path(str(ROOT / "docs/conf.py"))["redirects"]
     for old, new in redirects.items():
