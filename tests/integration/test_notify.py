@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote
 
 import pytest
 from support.patience import PATIENCE
@@ -166,6 +167,24 @@ def test_what_a_server_refuses_is_not_sent_again_and_no_message_tells_a_secret(
     assert ended.message in ended.said
     assert SECRET not in ended.said
     assert TOPIC not in ended.said
+
+
+@pytest.mark.parametrize("path", ["hook?token={}&v=1", "api/webhooks/42/{}", "a?b={}#c"])
+@pytest.mark.parametrize("secret", ["S3CR3T-abc", "x%2Fy+z9", "ß9-secret"])
+@pytest.mark.parametrize("before", [0, 294])
+def test_no_message_has_a_part_of_the_address(
+    receiver: Receiver, pod: Pod, path: str, secret: str, before: int
+) -> None:
+    """However the server quotes it, also at the place where its answer is cut."""
+    receiver.answers = [403]
+    receiver.text = json.dumps({"error": "." * before + f"unknown webhook {unquote(secret)}"})
+    url = f"{receiver.url}/{path.format(quote(secret, safe='%+'))}"
+    ended = pod.send(urlFrom=pod.secret("url", url))
+    assert ended.code == 65
+    for text in (secret, unquote(secret)):
+        assert text not in ended.said
+        assert text[:6] not in ended.said
+    assert before or "webhook" in ended.said
 
 
 def test_a_server_that_is_gone_is_a_case_for_another_pod(pod: Pod) -> None:

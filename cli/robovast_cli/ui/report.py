@@ -19,6 +19,8 @@ from robovast.base.printable import printable
 from robovast.base.task_record import report
 from robovast_cli.ui.table import counted
 
+_PERIOD = re.compile(r"(?<![./\s])\.$")
+"""The period of a sentence, not of a path such as `..` or `/data/.`."""
 _SENTENCES = re.compile(r"[^.]\. +[A-Z`$]")
 """Where a sentence follows another one."""
 BROKEN_PIPE = 141
@@ -90,7 +92,7 @@ def _line(text: str) -> str:
     bare = text.rstrip()
     if _SENTENCES.search(bare):
         return bare if bare.endswith((".", "?", "!", "…")) else f"{bare}."
-    return bare.removesuffix(".")
+    return _PERIOD.sub("", bare)
 
 
 def _show_traceback() -> None:

@@ -45,13 +45,16 @@ class Jobs:
 
     def _removable(self, namespace: str) -> Iterator[JobState]:
         """Generate the completed Jobs of a namespace whose results are in the status."""
-        for key, jobs in self._store.jobs.items():
-            obj = self._store.campaigns.get(key)
-            if key[0] != namespace or obj is None:
+        for key, obj in self._store.campaigns.items():
+            if key[0] != namespace:
                 continue
+            uid = obj["metadata"]["uid"]
             settled = is_settled(obj, {}, self._store.configurations_of(key))
             shards = read_status(CampaignStatus, obj.get("status")).shards
             kept = {shard.job for shard in shards if shard.state in {"Complete", "Failed"}}
-            for job in jobs.values():
-                if job.finished and (settled or job.name in kept or job.role == NOTIFY_ROLE):
+            for job in self._store.jobs_of(key, uid).values():
+                if job.finished and (settled or job.name in kept):
+                    yield job
+            for job in self._store.deliveries_of(key, uid):
+                if job.finished and (settled or job.role == NOTIFY_ROLE):
                     yield job

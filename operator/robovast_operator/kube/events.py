@@ -10,6 +10,8 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from robovast.base.errors import without_userinfo
+from robovast.base.printable import printable
 from robovast.kubeapi.resources import API_VERSION
 from robovast.kubeapi.status import Condition
 from robovast_operator.kube.objects import Identity, Object
@@ -77,7 +79,7 @@ def event(identity: Identity, message: EventContent, now: str) -> Object:
         },
         "type": message.kind,
         "reason": message.reason,
-        "message": message.text[:1000],
+        "message": printable(without_userinfo(message.text))[:1000],
         "source": {"component": "robovast-operator"},
         "firstTimestamp": now,
         "lastTimestamp": now,

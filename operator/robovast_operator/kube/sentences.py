@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
+_PERIOD = re.compile(r"(?<![./\s])[.\s]+$|^[.\s]+$")
+"""The period of a sentence, not of a path such as `..` or `/data/.`."""
+
 
 def clause(text: str) -> str:
     """Return a text without the period at its end, for the middle of a sentence."""
-    return text.strip().rstrip(". ") or "the cause is unknown"
+    return _PERIOD.sub("", text.strip()) or "the cause is unknown"
 
 
 def after_colon(text: str) -> str:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from math import isfinite
 
 from kubernetes.utils.quantity import parse_quantity
 
@@ -22,9 +23,11 @@ PARKED = "robovast.io/parked"
 """Annotation of a Workload that was taken out of its queue because its campaign is suspended."""
 
 _TOO_LARGE = re.compile(
-    r"insufficient quota for (\S+) in flavor (\S+),.*?request \(([^)]+)\)"
-    r" > maximum capacity \(([^)]+)\)"
+    r"insufficient quota for (\S{1,300}) in flavor (\S{1,300}),.{0,200}?request \(([^)]{1,50})\)"
+    r" > maximum capacity \(([^)]{1,50})\)"
 )
+_LONGEST_MESSAGE = 4096
+"""Most characters of a message of Kueue that are parsed."""
 
 
 @dataclass(frozen=True)
@@ -175,7 +178,7 @@ def pods_that_fit(message: str, pods: int) -> int | None:
         pods: how many it was asked for.
     """
     flavors: dict[str, list[int]] = {}
-    for _, flavor, asked, most in _TOO_LARGE.findall(message):
+    for _, flavor, asked, most in _TOO_LARGE.findall(message[:_LONGEST_MESSAGE]):
         wanted, there = _quantity(asked), _quantity(most)
         if wanted and there is not None:
             flavors.setdefault(flavor, []).append(int(pods * there / wanted + 1e-9))
@@ -184,9 +187,10 @@ def pods_that_fit(message: str, pods: int) -> int | None:
 
 def _quantity(amount: str) -> float | None:
     try:
-        return float(parse_quantity(amount))
-    except ValueError:
+        found = float(parse_quantity(amount))
+    except (ValueError, OverflowError):
         return None
+    return found if isfinite(found) else None
 
 
 def place_of(

@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 import os
 from base64 import b64encode
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from urllib.parse import SplitResult, quote, unquote, unquote_plus, urlsplit
 
 from pydantic import ValidationError
 
@@ -27,6 +27,8 @@ from robovast.storage.http_client import HttpClient, HttpError
 TIMEOUT = 20.0
 """How long a server may send nothing [s]."""
 
+_SHORT_WORD = 12
+"""Letters of a path segment that may be a secret nevertheless."""
 _PRIORITIES: Mapping[Event, str] = {
     "GivenUp": "5",
     "Stalled": "4",
@@ -133,8 +135,21 @@ def _address(receiver: Notification, folder: Path) -> Address:
     login = b64encode(f"{user}:{password}".encode()).decode() if user or password else ""
     granted = f"Bearer {token}" if token else f"Basic {login}" if login else ""
     headers = {"Authorization": granted} if granted else {}
-    secrets = (parts.path, parts.path.strip("/"), parts.query, password, login, token)
+    secrets = (*_secret_parts(parts), user, password, login, token)
     return Address(parts._replace(netloc=netloc, fragment="").geturl(), headers, secrets)
+
+
+def _secret_parts(parts: SplitResult) -> Iterator[str]:
+    """Generate the parts of a URL that may be a secret, as they stand there and decoded.
+
+    Each may be quoted alone in the answer of a server. Short words of the path, such as `api` and
+    `hook`, are no secrets, and would be removed from other words.
+    """
+    values = [pair.partition("=")[2] for pair in parts.query.split("&")]
+    path = (parts.path.strip("/"), *parts.path.split("/"))
+    segments = [part for part in path if not (part.isalpha() and len(part) < _SHORT_WORD)]
+    for part in (parts.path, parts.query, *segments, *values):
+        yield from {part, unquote(part), unquote_plus(part), quote(part, safe="")}
 
 
 def _secret(file: Path, named: SecretKey | None) -> str:

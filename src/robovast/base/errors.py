@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
+from typing import Any
 
 _USERINFO = re.compile(r"://[^/?#\s]*@")
 
@@ -54,7 +55,8 @@ class RobovastError(Exception):
     @property
     def message(self) -> str:
         """What failed and why, without the hint."""
-        return without_userinfo(super().__str__())
+        found = super().__str__() or str(self.__cause__ or "")
+        return without_userinfo(found or "the cause is unknown")
 
     def __str__(self) -> str:
         return with_hint(self.message, self.hint)
@@ -146,3 +148,6 @@ class DocumentError(InputError):
         if self.problems and all(problem.is_lacking for problem in self.problems):
             self.exit_code = ExitCode.CANNOT_RUN
         super().__init__("\n".join(map(str, self.problems)))
+
+    def __reduce__(self) -> tuple[Any, ...]:  # errors of expansion come from another process
+        return type(self), (self.problems,)

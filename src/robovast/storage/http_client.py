@@ -90,7 +90,8 @@ class HttpClient:
         self.name = name
         self._headers = dict(headers)
         self._remedies = remedies or {}
-        self._secrets = [secret for secret in secrets if len(secret) >= _SHORTEST_SECRET]
+        known = {secret for secret in secrets if len(secret) >= _SHORTEST_SECRET}
+        self._secrets = sorted(known, key=len, reverse=True)  # one may contain another
         self._patience = patience
         self._has_answered = False
         if insecure:
@@ -185,6 +186,8 @@ class HttpClient:
             content = answer.data
         except HTTPError:
             content = b""
+        # Before it is cut: a part of a secret at the end would not be found.
+        content = self._clean(content.decode(errors="replace")).encode()
         start = f"{self.name}: cannot {attempt}"
         error = refused(start, answer.status, answer.headers, content, self._remedies)
         return HttpError(self._clean(error.message), error.status, hint=self._clean(error.hint))

@@ -34,7 +34,8 @@ def test_the_extra_is_named(document, folder: Path, variation, missing: str, fir
     (folder / "room.fpm").write_text("Floor plan: room\n")
     result = vast_without([missing], "-V", str(document(variation)), "config", "list")
     assert result.returncode == 3
-    assert len(result.stderr.strip().splitlines()) == 1
+    error, hint = result.stderr.strip().splitlines()
+    assert (error[:7], hint[:6]) == ("error: ", "hint: ")
     assert f"{first} needs the extra `nav` ({missing} is not installed)" in result.stderr
 
 

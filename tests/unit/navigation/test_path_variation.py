@@ -194,7 +194,7 @@ def test_a_map_with_a_missing_image(expanded, folder: Path) -> None:
     (folder / "hall.pgm").unlink()
     text = refusal(expanded)
     assert text.startswith("configuration `hall`: PathVariationRandom: the map ")
-    assert text.endswith("hall.pgm does not exist.")
+    assert "hall.pgm does not exist" in text
 
 
 @pytest.mark.parametrize(
