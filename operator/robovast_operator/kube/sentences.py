@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-_PERIOD = re.compile(r"(?<![./\s])[.\s]+$|^[.\s]+$")
+_PERIOD = re.compile(r"(?<![./\s])\.+$|^[.\s]+$")
 """The period of a sentence, not of a path such as `..` or `/data/.`."""
 
 
