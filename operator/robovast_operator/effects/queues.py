@@ -128,8 +128,13 @@ class Queues:
 
     async def _running(self, waiting: JobState) -> list[JobState]:
         """Return the stored Jobs that have quota of the same ClusterQueue."""
-        cache = [job for jobs in self._store.jobs.values() for job in jobs.values()]
-        busy = [job for job in cache if job.queue and job.open and not job.suspended]
+        # Jobs that only look like ours would cost a request for each of their queues.
+        own = [
+            job
+            for key, obj in self._store.campaigns.items()
+            for job in self._store.jobs_of(key, obj["metadata"]["uid"]).values()
+        ]
+        busy = [job for job in own if job.queue and job.open and not job.suspended]
         queue = await self._cluster_queue(waiting)
         return [job for job in busy if await self._cluster_queue(job) == queue]
 
