@@ -233,6 +233,7 @@ def test_the_table_of_causes_names_all_of_them() -> None:
         if (found := trouble_of_events([event("FailedCreate", 0, message=reason)], NOW - HOUR))
     }
     elsewhere = {"WorkerLost", "NoWorkerPods"}
+    elsewhere |= {"NameConflict", "BucketConflict", "StorageDenied", "RunListMissing"}
     by_words = by_events | elsewhere | {TASK_PODS_LOST, STORING}
     assert {reason for reason, _ in CAUSES.values()} | by_words == documented
 
