@@ -35,7 +35,7 @@ from robovast.storage.endpoint import Credentials, Endpoint
 from robovast.storage.s3 import ObjectStore
 from robovast_cli.commands.exec.cluster import run as cluster_run
 from robovast_cli.commands.exec.cluster import upload_jobs
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.api_errors import UnreachableError
 from robovast_cli.kube.status import CampaignState
 from robovast_cli.main import command
@@ -664,13 +664,13 @@ def contexts(vast: Vast, known_cluster: Cluster, tmp_path: Path, monkeypatch: An
 def test_no_campaign_is_left_behind_when_nobody_says_whether_it_was_created(
     vast: Vast, operator: Operator, monkeypatch: pytest.MonkeyPatch, error: BaseException
 ) -> None:
-    create, made = Kubernetes.create_campaign, []
+    create, made = KubernetesClient.create_campaign, []
 
-    def create_silently(kube: Kubernetes, campaign: dict[str, Any]) -> dict[str, Any]:
+    def create_silently(kube: KubernetesClient, campaign: dict[str, Any]) -> dict[str, Any]:
         made.append(create(kube, campaign))
         raise error
 
-    monkeypatch.setattr(Kubernetes, "create_campaign", create_silently)
+    monkeypatch.setattr(KubernetesClient, "create_campaign", create_silently)
     assert vast("run", "--detach").code != 0
     assert len(made) == 1
     assert operator.names() == []

@@ -39,7 +39,7 @@ KUEUE = "kueue.x-k8s.io"
 """API group of Kueue, which admits Jobs when there is room for them."""
 
 
-class Kubernetes:
+class KubernetesClient:
     """Client of one API server, namespace and user.
 
     Methods raise `RobovastError` if the server rejects a request or cannot be reached.
@@ -280,7 +280,7 @@ class Kubernetes:
 
 
 @contextmanager
-def connect(context: str | None = None, namespace: str | None = None) -> Iterator[Kubernetes]:
+def connect(context: str | None = None, namespace: str | None = None) -> Iterator[KubernetesClient]:
     """Connect to the API server that `$KUBECONFIG` and the context select, as kubectl does.
 
     Args:
@@ -309,7 +309,7 @@ def connect(context: str | None = None, namespace: str | None = None) -> Iterato
         ) from error
     with start_blocking_portal() as portal:
         try:
-            yield Kubernetes(client, portal, context, namespace, options)
+            yield KubernetesClient(client, portal, context, namespace, options)
         finally:
             portal.call(client.close)
 

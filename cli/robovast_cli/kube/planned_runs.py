@@ -21,7 +21,7 @@ from robovast.kubeapi.source_files import Files, check_paths, config_map_files, 
 from robovast.model.document import load_document
 from robovast.model.packs import CampaignPlan, PlanSpec
 from robovast.model.variations.loader import all_pure
-from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.api import Json, KubernetesClient
 from robovast_cli.kube.status import CampaignState
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def split_run(run: str) -> tuple[str, int]:
 
 
 @dataclass(frozen=True)
-class PlannedRuns:
+class RunNames:
     """Converts between ids and folders of runs."""
 
     plan: PlanSpec
@@ -78,8 +78,8 @@ class PlannedRuns:
 
 
 def planned_runs(
-    kube: Kubernetes, campaign: CampaignState, store: Callable[[], ObjectStore]
-) -> PlannedRuns | None:
+    kube: KubernetesClient, campaign: CampaignState, store: Callable[[], ObjectStore]
+) -> RunNames | None:
     """Return the runs of a campaign; None before they are planned.
 
     Args:
@@ -99,9 +99,9 @@ def planned_runs(
     spec, plan, text = newest
     with TemporaryDirectory() as folder:
         if plan.expansion != "pure":
-            return PlannedRuns(spec, _stored_names(plan, store(), Path(folder)))
+            return RunNames(spec, _stored_names(plan, store(), Path(folder)))
         files = _files(kube, campaign)
-        return PlannedRuns(spec, _expand_names(plan, text, files, Path(folder)))
+        return RunNames(spec, _expand_names(plan, text, files, Path(folder)))
 
 
 def _plan_of(config_map: Json) -> tuple[PlanSpec, CampaignPlan, str] | None:
@@ -114,7 +114,7 @@ def _plan_of(config_map: Json) -> tuple[PlanSpec, CampaignPlan, str] | None:
         return None
 
 
-def _files(kube: Kubernetes, campaign: CampaignState) -> Files:
+def _files(kube: KubernetesClient, campaign: CampaignState) -> Files:
     """Return the files of a `.vast` file that the operator expands."""
     source = CampaignSpec.model_validate(campaign.resource["spec"]).source.config_map
     if source is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from robovast.base.errors import CannotRunError
 from robovast.storage.bucket_ownership import find_bucket
-from robovast_cli.kube.api import Kubernetes
+from robovast_cli.kube.api import KubernetesClient
 from robovast_cli.kube.status import CampaignState, find_campaign, lookup
 from robovast_cli.kube.store import StorePlace, installed_place, open_store, place_of
 
@@ -24,7 +24,7 @@ class Results:
     """None if it was deleted."""
 
 
-def named_results(kube: Kubernetes, known: Sequence[CampaignState], name: str) -> Results:
+def named_results(kube: KubernetesClient, known: Sequence[CampaignState], name: str) -> Results:
     """Find results by name, also if their Campaign was deleted.
 
     Raises:

@@ -18,8 +18,8 @@ from robovast.campaign.layout import INDEX, JOBS, LOGS, RUN_RECORD, parameters_k
 from robovast.campaign.run_record import RunRecord, parse_run_record
 from robovast.kubeapi.pod_contract.pack_request import PackRequest
 from robovast.kubeapi.resources import ROLE_LABEL, SHARD_ROLE, UID_LABEL
-from robovast_cli.kube.api import Json, Kubernetes
-from robovast_cli.kube.planned_runs import PlannedRuns, planned_runs, split_run
+from robovast_cli.kube.api import Json, KubernetesClient
+from robovast_cli.kube.planned_runs import RunNames, planned_runs, split_run
 from robovast_cli.kube.pods import is_live
 from robovast_cli.kube.status import CampaignState
 from robovast_cli.kube.store import StorePlace, open_store
@@ -56,7 +56,7 @@ class CampaignRuns:
 
     def __init__(
         self,
-        kube: Kubernetes,
+        kube: KubernetesClient,
         campaign: CampaignState | None,
         bucket: str,
         place: StorePlace,
@@ -81,7 +81,7 @@ class CampaignRuns:
         return self._stack.enter_context(open_store(self._kube, self._place))
 
     @cached_property
-    def planned(self) -> PlannedRuns | None:
+    def planned(self) -> RunNames | None:
         """The planned runs; None before they are planned, and after the Campaign was deleted."""
         if self.campaign is None:
             return None
@@ -122,7 +122,7 @@ class CampaignRuns:
                 if ids:
                     yield Executor(pod, ids, request.attempt)
 
-    def _ids_of(self, request: PackRequest, planned: PlannedRuns) -> Sequence[int]:
+    def _ids_of(self, request: PackRequest, planned: RunNames) -> Sequence[int]:
         """Return the ids of a pod's runs; nothing if the pod does not match the plan."""
         try:
             return request.chosen(planned.plan, self._bad_runs)[1]

@@ -15,7 +15,7 @@ from robovast.kubeapi.status import CampaignStatus, SearchStatus, read_status
 from robovast.storage.bucket_names import bucket_name, campaign_id
 
 if TYPE_CHECKING:
-    from robovast_cli.kube.api import Kubernetes
+    from robovast_cli.kube.api import KubernetesClient
 
 EPOCH = datetime.fromtimestamp(0, UTC)
 
@@ -252,7 +252,7 @@ def _found(search: SearchStatus) -> Iterator[str]:
         yield f"Best: {printable(search.best)}"
 
 
-def campaign_states(kube: Kubernetes) -> list[CampaignState]:
+def campaign_states(kube: KubernetesClient) -> list[CampaignState]:
     """Return all Campaigns of the namespace, the oldest first."""
     return [CampaignState(item) for item in kube.campaigns()]
 

@@ -14,7 +14,7 @@ from robovast.base.backoff import REPEATABLE
 from robovast.base.errors import CannotRunError, StorageError
 from robovast.base.optional_deps import CLUSTER
 from robovast.kubeapi.names import CREDENTIALS_SECRET
-from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.api import Json, KubernetesClient
 from robovast_cli.kube.status import CampaignState
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def place_of(campaign: CampaignState) -> StorePlace:
     return StorePlace(endpoint, storage.region, storage.secret_name)
 
 
-def installed_place(kube: Kubernetes, known: Sequence[CampaignState]) -> StorePlace:
+def installed_place(kube: KubernetesClient, known: Sequence[CampaignState]) -> StorePlace:
     """Return the default store, from the Secret, else of a campaign; the endpoint may be empty."""
     noted = _read_place(kube, CREDENTIALS_SECRET)
     endpoints = (campaign.status.endpoint for campaign in reversed(known))
@@ -68,7 +68,7 @@ def installed_place(kube: Kubernetes, known: Sequence[CampaignState]) -> StorePl
     return StorePlace(endpoint, noted.region)
 
 
-def _read_place(kube: Kubernetes, secret: str) -> StorePlace:
+def _read_place(kube: KubernetesClient, secret: str) -> StorePlace:
     """Return the store that a Secret describes; without an endpoint if it cannot be read."""
     try:
         data = (kube.secret(secret) or {}).get("data") or {}
@@ -81,7 +81,7 @@ def _read_place(kube: Kubernetes, secret: str) -> StorePlace:
 
 
 @contextmanager
-def open_store(kube: Kubernetes, place: StorePlace) -> Iterator[ObjectStore]:
+def open_store(kube: KubernetesClient, place: StorePlace) -> Iterator[ObjectStore]:
     """Yield a client of a store.
 
     `$ROBOVAST_S3_ENDPOINT` replaces an address that only pods can reach. Without it, a Service of
@@ -112,7 +112,7 @@ def cluster_service(endpoint: str) -> tuple[str, str, int] | None:
     return labels[0], labels[1], parts.port or (443 if parts.scheme == "https" else 80)
 
 
-def _keys(kube: Kubernetes, secret: str) -> tuple[str, str]:
+def _keys(kube: KubernetesClient, secret: str) -> tuple[str, str]:
     given = os.environ.get(ACCESS_KEY), os.environ.get(SECRET_KEY)
     if given[0] and given[1]:
         return given[0], given[1]
@@ -141,7 +141,7 @@ def _decoded(value: str) -> str:
 
 
 @contextmanager
-def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
+def reachable(kube: KubernetesClient, endpoint: str) -> Iterator[str]:
     """Yield the address of an endpoint for this machine; the port of a Service is forwarded.
 
     Raises:
@@ -170,7 +170,7 @@ def reachable(kube: Kubernetes, endpoint: str) -> Iterator[str]:
 
 
 @contextmanager
-def _forward(kube: Kubernetes, service: Json, target: int | str) -> Iterator[int]:
+def _forward(kube: KubernetesClient, service: Json, target: int | str) -> Iterator[int]:
     with ExitStack() as stack:
         try:
             port = stack.enter_context(kube.forward(service, target))

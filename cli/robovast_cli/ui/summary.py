@@ -41,7 +41,7 @@ CHANCE = "No factor explains the failures better than chance.\n"
 
 
 @dataclass(frozen=True)
-class Findings:
+class SummaryFindings:
     """Rates, causes and effects of a campaign."""
 
     results: Path | None
@@ -54,7 +54,7 @@ class Findings:
     """Arguments of the command that resumes a search."""
 
 
-def print_summary(findings: Findings, output: Format, worst: int) -> None:
+def print_summary(findings: SummaryFindings, output: Format, worst: int) -> None:
     """Print the summary of a campaign, with at most `worst` lines in each table (0: all)."""
     if output == "json":
         echo_json(_data(findings))
@@ -62,7 +62,7 @@ def print_summary(findings: Findings, output: Format, worst: int) -> None:
         echo_data(_text(findings, worst))
 
 
-def _data(findings: Findings) -> dict[str, Any]:
+def _data(findings: SummaryFindings) -> dict[str, Any]:
     rates, summary = findings.rates, findings.rates.summary
     return {
         "campaign": summary.name,
@@ -81,7 +81,7 @@ def _data(findings: Findings) -> dict[str, Any]:
     }
 
 
-def _text(findings: Findings, worst: int) -> str:
+def _text(findings: SummaryFindings, worst: int) -> str:
     rates = findings.rates
     shown = rates.configurations[: worst or None]
     left = rates.configurations[len(shown) :]
@@ -93,7 +93,7 @@ def _text(findings: Findings, worst: int) -> str:
     )
 
 
-def _remedy(findings: Findings) -> str:
+def _remedy(findings: SummaryFindings) -> str:
     """Return the command that resumes the campaign, or adds the most useful runs."""
     command = as_shell(_next(findings))
     if not command:
@@ -105,7 +105,7 @@ def _remedy(findings: Findings) -> str:
     return f"{nearest.name} {needed}: {command}\n"
 
 
-def _next(findings: Findings) -> Sequence[str]:
+def _next(findings: SummaryFindings) -> Sequence[str]:
     """Return the command for missing runs, or for the fewest runs that give a decision."""
     summary, nearest = findings.rates.summary, soonest_decided(findings.rates)
     if findings.results is None or summary.is_search:
@@ -136,7 +136,7 @@ def _causes(causes: Sequence[FailureGroup[str]], most: int) -> str:
     return f"{format_table(CAUSE_COLUMNS, rows)}{more}\n"
 
 
-def _effects(findings: Findings) -> str:
+def _effects(findings: SummaryFindings) -> str:
     """Return the table of factors with a p-value below 5 %."""
     clear = clear_effects(findings.effects)
     if clear:

@@ -25,7 +25,7 @@ from robovast.storage.shares.campaigns import (
     open_share,
 )
 from robovast_cli.commands.results.options import Target
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.results import Results, named_results, results_of
 from robovast_cli.kube.status import CampaignState, campaign_states
@@ -174,7 +174,7 @@ def download_run(context: str | None, namespace: str | None, run: str, output: P
     return folder / path
 
 
-def _stored(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
+def _stored(kube: KubernetesClient, known: Sequence[CampaignState]) -> list[Results]:
     stored = [campaign for campaign in known if campaign.bucket]
     if not stored:
         raise InputError(
@@ -186,7 +186,12 @@ def _stored(kube: Kubernetes, known: Sequence[CampaignState]) -> list[Results]:
 
 
 def _download_results(
-    kube: Kubernetes, results: Results, output: Path, *, force: bool = False, run: str | None = None
+    kube: KubernetesClient,
+    results: Results,
+    output: Path,
+    *,
+    force: bool = False,
+    run: str | None = None,
 ) -> Path:
     """Download a campaign, or one of its runs; return the folder of the campaign."""
     from robovast.storage.download import download_campaign

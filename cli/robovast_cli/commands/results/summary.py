@@ -27,7 +27,7 @@ from robovast_cli.commands.results.options import (
     read_campaign,
 )
 from robovast_cli.lazy import examples
-from robovast_cli.ui.summary import Findings, print_summary
+from robovast_cli.ui.summary import SummaryFindings, print_summary
 from robovast_cli.workspace import shown
 
 
@@ -90,7 +90,7 @@ def summary(
         results = results_dir or ctx.obj.results
         index = read_campaign(named_campaign(results, campaign))
         folder, found, variants = shown(index.results), index.summary(), index.variants
-    findings = Findings(
+    findings = SummaryFindings(
         folder,
         campaign_rates(found, variants, limit),
         failure_groups(

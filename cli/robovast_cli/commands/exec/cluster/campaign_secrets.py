@@ -17,7 +17,7 @@ from robovast.kubeapi.resources import API_VERSION, SUBJECTS, Notification, Secr
 from robovast.kubeapi.secret_names import SECRET_PREFIX
 from robovast.kubeapi.share_job import share_variables
 from robovast.storage.shares.campaigns import SHARE_TYPE, open_share
-from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.api import Json, KubernetesClient
 from robovast_cli.ui.output import echo
 
 TOPIC = "ROBOVAST_NTFY_TOPIC"
@@ -49,7 +49,7 @@ class CampaignSecrets:
             spec["share"] = {"secretName": _secret_name(campaign, _SHARE)}
         return {**campaign, "spec": spec}
 
-    def create(self, kube: Kubernetes, campaign: Mapping[str, Any]) -> None:
+    def create(self, kube: KubernetesClient, campaign: Mapping[str, Any]) -> None:
         """Create the Secrets of a Campaign; print an error, because the campaign runs anyway."""
         if self.notify and _create_secret(
             kube, campaign, _NOTIFY, self.notify, "No notifications will be sent"
@@ -130,7 +130,7 @@ def _secret_name(campaign: Mapping[str, Any], suffix: str) -> str:
 
 
 def _create_secret(
-    kube: Kubernetes,
+    kube: KubernetesClient,
     campaign: Mapping[str, Any],
     suffix: str,
     values: Mapping[str, str],

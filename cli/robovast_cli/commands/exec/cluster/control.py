@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from robovast.base.errors import InputError
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.options import CampaignName, Context, Namespace
 from robovast_cli.kube.status import CampaignState, campaign_states, find_campaign
 from robovast_cli.lazy import examples
@@ -102,7 +102,7 @@ def _can_be_retried(campaign: CampaignState) -> bool:
 
 
 def _select(
-    kube: Kubernetes, name: str | None, fits: Callable[[CampaignState], bool], what: str
+    kube: KubernetesClient, name: str | None, fits: Callable[[CampaignState], bool], what: str
 ) -> CampaignState:
     """Return the campaign of a name (default: the only one that fits)."""
     known = campaign_states(kube)

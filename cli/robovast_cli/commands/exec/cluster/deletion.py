@@ -11,7 +11,7 @@ from robovast.base.backoff import wait_until
 from robovast.base.errors import CannotRunError, InputError
 from robovast.kubeapi.resources import UID_LABEL
 from robovast.storage.bucket_ownership import is_owned
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.options import CampaignName, Context, Namespace, SetupOptions
 from robovast_cli.kube.status import CampaignState, campaign_states, find_campaign
 from robovast_cli.kube.store import open_store, place_of
@@ -79,7 +79,7 @@ def download_cleanup(
         echo(f"Deleted: {len(found)}.")
 
 
-def delete_finished(kube: Kubernetes, *, data: bool = False) -> None:
+def delete_finished(kube: KubernetesClient, *, data: bool = False) -> None:
     """Delete the finished campaigns of the namespace, with `data` also their buckets."""
     campaigns = campaign_states(kube)
     _delete([campaign for campaign in campaigns if campaign.finished], kube, data=data)
@@ -91,7 +91,7 @@ def delete_finished(kube: Kubernetes, *, data: bool = False) -> None:
             )
 
 
-def _delete(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool) -> None:
+def _delete(campaigns: Sequence[CampaignState], kube: KubernetesClient, *, data: bool) -> None:
     """Delete campaigns, and with `data` their buckets when no pod can write into them."""
     for campaign in campaigns:
         kube.delete_campaign(campaign.name)
@@ -105,7 +105,7 @@ def _delete(campaigns: Sequence[CampaignState], kube: Kubernetes, *, data: bool)
         echo(f"{campaign.name}: deleted{kept}.")
 
 
-def _delete_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
+def _delete_bucket(kube: KubernetesClient, campaign: CampaignState) -> None:
     """Delete the bucket of a campaign, if it exists.
 
     Raises:
@@ -117,7 +117,7 @@ def _delete_bucket(kube: Kubernetes, campaign: CampaignState) -> None:
             store.delete_bucket(campaign.bucket)
 
 
-def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bool) -> None:
+def _wait_until_gone(kube: KubernetesClient, campaign: CampaignState, *, with_pods: bool) -> None:
     def is_gone() -> bool:
         there = _exists(kube, campaign)
         return not (there or (with_pods and kube.has_pods({UID_LABEL: campaign.uid})))
@@ -130,6 +130,6 @@ def _wait_until_gone(kube: Kubernetes, campaign: CampaignState, *, with_pods: bo
         )
 
 
-def _exists(kube: Kubernetes, campaign: CampaignState) -> bool:
+def _exists(kube: KubernetesClient, campaign: CampaignState) -> bool:
     found = kube.campaign(campaign.name)
     return found is not None and CampaignState(found).uid == campaign.uid

@@ -19,7 +19,7 @@ from robovast.base.safe_paths import read_end
 from robovast.campaign.job_log import has_parts, log_path, part_of
 from robovast.campaign.run_record import RunRecord
 from robovast.kubeapi.pod_contract.pack_request import RUN
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.api_errors import NotFoundError
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.pods import check_container, has_started, is_prepared, waiting_reason
@@ -124,7 +124,7 @@ def parse_names(names: Sequence[str] | None) -> tuple[str | None, str]:
 @contextmanager
 def open_runs(
     context: str | None, namespace: str | None, name: str | None
-) -> Iterator[tuple[Kubernetes, CampaignRuns]]:
+) -> Iterator[tuple[KubernetesClient, CampaignRuns]]:
     """Yield the runs of a campaign (default: the only one, else the only unfinished one).
 
     Raises:
@@ -141,7 +141,7 @@ def open_runs(
             yield kube, CampaignRuns(kube, campaign, campaign.bucket, place, stack)
 
 
-def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
+def _only(kube: KubernetesClient, known: Sequence[CampaignState]) -> CampaignState:
     unfinished = [campaign for campaign in known if not campaign.finished]
     for found in (known, unfinished):
         if len(found) == 1:
@@ -156,7 +156,9 @@ def _only(kube: Kubernetes, known: Sequence[CampaignState]) -> CampaignState:
 class RunLog:
     """Prints the log of one run."""
 
-    def __init__(self, kube: Kubernetes, runs: CampaignRuns, run: str, options: LogOptions) -> None:
+    def __init__(
+        self, kube: KubernetesClient, runs: CampaignRuns, run: str, options: LogOptions
+    ) -> None:
         self._kube = kube
         self._runs = runs
         self._run = run

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.api_errors import UnreachableError
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.status import CampaignState, campaign_states
@@ -52,7 +52,7 @@ def monitor(
             echo(f"No campaign is running in the namespace {kube.namespace}. `--once` shows all.")
 
 
-def _observe(kube: Kubernetes, interval: float) -> Iterator[Sequence[CampaignState]]:
+def _observe(kube: KubernetesClient, interval: float) -> Iterator[Sequence[CampaignState]]:
     """Yield the campaigns that run or have run since the first request, until none runs.
 
     Skips a request if the API server is unreachable.

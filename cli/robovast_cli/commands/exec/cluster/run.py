@@ -26,7 +26,7 @@ from robovast_cli.commands.exec.cluster.campaign_secrets import CampaignSecrets,
 from robovast_cli.commands.exec.cluster.deletion import delete_finished
 from robovast_cli.commands.exec.cluster.estimate import print_estimate
 from robovast_cli.commands.exec.local import Debug, LogTree, Runs, Select
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.api_errors import NotFoundError, UnreachableError
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.status import CampaignState, campaign_states
@@ -176,7 +176,9 @@ def _print_campaign(
     return ExitCode.OK
 
 
-def _submit(kube: Kubernetes, submission: Submission, secrets: CampaignSecrets) -> CampaignState:
+def _submit(
+    kube: KubernetesClient, submission: Submission, secrets: CampaignSecrets
+) -> CampaignState:
     """Create the Campaign of a `.vast` file."""
     campaign = secrets.add_to(submission.campaign)
     if submission.archive:
@@ -188,7 +190,7 @@ def _submit(kube: Kubernetes, submission: Submission, secrets: CampaignSecrets) 
         raise
 
 
-def _delete_if_created(kube: Kubernetes, name: str) -> None:
+def _delete_if_created(kube: KubernetesClient, name: str) -> None:
     """Delete a Campaign, if it exists; print a warning if it may still exist."""
     try:
         kube.delete_campaign(name)
@@ -201,13 +203,15 @@ def _delete_if_created(kube: Kubernetes, name: str) -> None:
         )
 
 
-def _prepare(kube: Kubernetes, document: Document, options: SubmitOptions, name: str) -> Submission:
+def _prepare(
+    kube: KubernetesClient, document: Document, options: SubmitOptions, name: str
+) -> Submission:
     queue = options.queue or (QUEUE if kube.has_queue(QUEUE) else None)
     chosen = replace(options, context=kube.context, queue=queue)
     return prepare_submission(document, chosen, name, kube.namespace)
 
 
-def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
+def _follow(kube: KubernetesClient, campaign: CampaignState) -> ExitCode:
     """Show a campaign until it ends, or is gone; Ctrl-C ends only that."""
     state: CampaignState | None = campaign
     try:
@@ -232,18 +236,18 @@ def _follow(kube: Kubernetes, campaign: CampaignState) -> ExitCode:
     return state.exit_code
 
 
-def _print_next_commands(kube: Kubernetes, campaign: CampaignState) -> None:
+def _print_next_commands(kube: KubernetesClient, campaign: CampaignState) -> None:
     """Print commands for a running campaign."""
     echo(f"Watch:    vast exec cluster monitor{kube.cluster_options}")
     echo(f"Stop:     vast exec cluster stop -i {campaign.name}{kube.cluster_options}")
     echo(f"Results:  {_download(kube, campaign)}")
 
 
-def _download(kube: Kubernetes, campaign: CampaignState) -> str:
+def _download(kube: KubernetesClient, campaign: CampaignState) -> str:
     return f"vast results download -i {campaign.name}{kube.cluster_options}"
 
 
-def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState | None:
+def _next_state(kube: KubernetesClient, state: CampaignState) -> CampaignState | None:
     """The campaign as it is now, None once it is gone; as before without an API server."""
     try:
         found = kube.campaign(state.name)
@@ -252,7 +256,7 @@ def _next_state(kube: Kubernetes, state: CampaignState) -> CampaignState | None:
     return CampaignState(found) if found is not None else None
 
 
-def _upload(kube: Kubernetes, archive: Archive) -> None:
+def _upload(kube: KubernetesClient, archive: Archive) -> None:
     echo(f"Uploading the files of the .vast file ({len(archive.content) / 1e6:.1f} MB) …")
     known = campaign_states(kube)
     with open_store(kube, installed_place(kube, known)) as store:

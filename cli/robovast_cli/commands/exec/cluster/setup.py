@@ -18,7 +18,7 @@ from robovast.base.yaml_files import parse_yaml
 from robovast.kubeapi.cluster_config.base import BaseConfig
 from robovast.kubeapi.names import CREDENTIALS_SECRET
 from robovast_cli.commands.exec.cluster.chart import RELEASE, Helm, chart_folder
-from robovast_cli.kube.api import KUEUE, Kubernetes, connect
+from robovast_cli.kube.api import KUEUE, KubernetesClient, connect
 from robovast_cli.kube.api_errors import NotInstalledError
 from robovast_cli.kube.options import Context, Namespace, SetupOptions, setup_config
 from robovast_cli.kube.status import campaign_states
@@ -201,7 +201,7 @@ def _reject_other_config(description: str | None, name: str, *, force: bool) -> 
         )
 
 
-def _reject_running(kube: Kubernetes, *, force: bool) -> None:
+def _reject_running(kube: KubernetesClient, *, force: bool) -> None:
     try:
         campaigns = campaign_states(kube)
     except NotInstalledError:
@@ -214,7 +214,7 @@ def _reject_running(kube: Kubernetes, *, force: bool) -> None:
         )
 
 
-def _values(config: BaseConfig, kube: Kubernetes) -> dict[str, Any]:
+def _values(config: BaseConfig, kube: KubernetesClient) -> dict[str, Any]:
     """Return the values of the chart, with credentials."""
     values: dict[str, Any] = config.chart_values()
     access, secret = config.get_s3_credentials()

@@ -11,7 +11,7 @@ from robovast.base.backoff import wait_until
 from robovast.base.errors import CannotRunError, InputError, RobovastError, StorageError
 from robovast.kubeapi.pod_contract.exit_codes import AgentExit
 from robovast.kubeapi.share_job import Upload, share_job, share_secret
-from robovast_cli.kube.api import Json, Kubernetes
+from robovast_cli.kube.api import Json, KubernetesClient
 from robovast_cli.kube.api_errors import ConflictError, UnreachableError
 
 INTERVAL = 1.0
@@ -21,7 +21,7 @@ PATIENCE = 60.0
 JOB_LABEL = "batch.kubernetes.io/job-name"
 
 
-def start(kube: Kubernetes, upload: Upload, variables: Mapping[str, str]) -> bool:
+def start(kube: KubernetesClient, upload: Upload, variables: Mapping[str, str]) -> bool:
     """Start an upload; return False if an upload of the same campaign is in progress.
 
     Creates a suspended Job first, so that it owns the Secret with the variables of the share.
@@ -48,7 +48,7 @@ def start(kube: Kubernetes, upload: Upload, variables: Mapping[str, str]) -> boo
     return True
 
 
-def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None]) -> None:
+def follow(kube: KubernetesClient, job: str, campaign: str, show: Callable[[str], None]) -> None:
     """Call `show` with each new last line of a Job's log, until the Job has succeeded.
 
     The API server may be unreachable for some time.
@@ -77,12 +77,12 @@ def follow(kube: Kubernetes, job: str, campaign: str, show: Callable[[str], None
         time.sleep(INTERVAL)
 
 
-def log_command(kube: Kubernetes, job: str) -> str:
+def log_command(kube: KubernetesClient, job: str) -> str:
     """Return the command that prints the log of a Job's pod."""
     return f"kubectl --namespace {kube.namespace} logs job/{job}"
 
 
-def _failure(kube: Kubernetes, job: Json, pods: list[Json], campaign: str) -> RobovastError:
+def _failure(kube: KubernetesClient, job: Json, pods: list[Json], campaign: str) -> RobovastError:
     """Return an error with the message of the last pod, else with the reason of the Job."""
     name = job["metadata"]["name"]
     ends = [end for pod in reversed(pods) for end in _terminations(pod)]
@@ -96,7 +96,7 @@ def _failure(kube: Kubernetes, job: Json, pods: list[Json], campaign: str) -> Ro
     )
 
 
-def _last_line(kube: Kubernetes, pod: Json) -> str:
+def _last_line(kube: KubernetesClient, pod: Json) -> str:
     """Return the last line of a pod's log, else the reason why the pod is pending."""
     if reason := next(_waiting_reasons(pod), ""):
         return reason
@@ -138,7 +138,7 @@ def _has(job: Json, condition: str) -> bool:
     return any(item["type"] == condition and item["status"] == "True" for item in found)
 
 
-def _remove(kube: Kubernetes, name: str) -> None:
+def _remove(kube: KubernetesClient, name: str) -> None:
     kube.delete_job(name)
     if not wait_until(lambda: kube.job(name) is None, PATIENCE, INTERVAL):
         raise CannotRunError(

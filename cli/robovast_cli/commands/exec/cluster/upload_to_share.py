@@ -17,7 +17,7 @@ from robovast.kubeapi.share_job import Upload, agent_image, share_variables
 from robovast.storage.folder_ownership import distinct_name
 from robovast.storage.shares.campaigns import SHARE_TYPE, Share, open_share
 from robovast_cli.commands.exec.cluster.upload_jobs import follow, log_command, start
-from robovast_cli.kube.api import Kubernetes, connect
+from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.options import Context, Namespace
 from robovast_cli.kube.results import Results, named_results, results_of
 from robovast_cli.kube.status import CampaignState, campaign_states, lookup
@@ -99,7 +99,11 @@ class _Uploads:
     """Uploads campaigns in sequence; continues after an error."""
 
     def __init__(
-        self, kube: Kubernetes, share: Share, variables: Mapping[str, str], options: UploadOptions
+        self,
+        kube: KubernetesClient,
+        share: Share,
+        variables: Mapping[str, str],
+        options: UploadOptions,
     ) -> None:
         self._kube = kube
         self._share = share
@@ -148,7 +152,7 @@ class _Uploads:
 
 
 def _select_results(
-    kube: Kubernetes, known: Sequence[CampaignState], names: Sequence[str]
+    kube: KubernetesClient, known: Sequence[CampaignState], names: Sequence[str]
 ) -> list[Results]:
     """Return results by name (default: of all finished campaigns).
 
@@ -185,7 +189,7 @@ def _rename_duplicate(results: Results, known: Sequence[CampaignState]) -> Resul
     return replace(results, name=distinct_name(results.name, results.campaign.uid))
 
 
-def _agent_image(kube: Kubernetes) -> str:
+def _agent_image(kube: KubernetesClient) -> str:
     image = agent_image(reversed(kube.jobs({MANAGED_LABEL: MANAGED_BY})))
     if image is None:
         raise CannotRunError(
