@@ -293,7 +293,7 @@ BAD = [
     ),
     (["exec", "cluster", "monitor", "--once"], 3, "no kubeconfig has a current context"),
     (
-        ["exec", "cluster", "run", "-x", "lab"],
+        ["exec", "cluster", "run", "--image", "a", "-x", "lab"],
         3,
         "the context `lab` does not exist in your kubeconfig",
     ),

@@ -77,6 +77,15 @@ def test_the_image_of_the_environment_counts_on_the_cluster(
     assert "image: registry/robot:2" in Path("run/campaign.yaml").read_text()
 
 
+def test_without_an_image_nothing_is_sent_to_a_cluster(vast, sweep: Path) -> None:
+    outcome = vast("exec", "cluster", "run")
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err == (
+        "error: runs on a cluster need a container image\n"
+        f"hint: set `--image`, ROBOVAST_IMAGE or `execution.image` in {sweep.name}\n"
+    )
+
+
 def test_several_configurations_can_be_named(vast, sweep: Path) -> None:
     outcome = vast("exec", "cluster", "run", "--dry-run", "-c", "fixed", "-c", "sweep-*-2")
     assert yaml.safe_load(outcome.out)["spec"]["select"] == ["fixed", "sweep-*-2"]

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 import typer
 
 from robovast.base.environment import environment
-from robovast.base.errors import ExitCode, RobovastError
+from robovast.base.errors import ExitCode, InputError, RobovastError
 from robovast.base.serialization import dump_yaml
 from robovast.kubeapi.submission import (
     Archive,
@@ -35,6 +35,7 @@ from robovast_cli.lazy import examples, exit_codes
 from robovast_cli.ui.cluster_view import follow_view
 from robovast_cli.ui.output import echo
 from robovast_cli.ui.report import echo_stderr, in_form
+from robovast_cli.workspace import shown
 
 INTERVAL = 1.0
 """Time between two looks at a campaign [s]."""
@@ -147,6 +148,7 @@ def run(
     if estimate:
         print_estimate(document, options, context, namespace)
         return ExitCode.OK
+    _check_image(document, options)
     name = campaign_name(document, unique=True)
     secrets = read_secrets(environment())
     with connect(context, namespace) as kube:
@@ -160,6 +162,15 @@ def run(
             _print_next_commands(kube, campaign)
             return ExitCode.OK
         return _follow(kube, campaign)
+
+
+def _check_image(document: Document, options: SubmitOptions) -> None:
+    """Raise an error if a campaign has no image, which local processes do not need."""
+    if not (options.image or document.vast.execution.image):
+        raise InputError(
+            "runs on a cluster need a container image",
+            hint=f"set `--image`, ROBOVAST_IMAGE or `execution.image` in {shown(document.path)}",
+        )
 
 
 def _print_campaign(
