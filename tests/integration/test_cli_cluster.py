@@ -833,7 +833,7 @@ def test_results_come_home_with_the_keys_of_the_clusters_secret(
 ) -> None:
     outcome = vast("download", "-o", "home", group=("results",))
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith(f"home/{stored.name}-2026: 1 runs, ")
+    assert outcome.out.startswith(f"home/{stored.name}-2026: 1 run, ")
     assert (tmp_path / f"home/{stored.name}-2026/sweep-1-1/0/test.xml").is_file()
     assert is_imported(tmp_path / f"home/{stored.name}-2026")
     assert "(1 already existed)" in vast("download", "-o", "home", group=("results",)).out

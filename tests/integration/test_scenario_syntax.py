@@ -11,6 +11,7 @@ from robovast.execution.local.process_environment import VARIABLE, process_envir
 from robovast.execution.local.scenario_syntax import check_syntax
 
 HEADER = "import osc.helpers\nscenario a:\n"
+NO_TEXT = "this sign does not fit here, or a text has no end or contains a quotation mark"
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +26,8 @@ def _environment() -> None:
         ("    do serial:\n", ":3:15: …: the line ends too early"),
         ("    x: int = 1\n        y: int = 2\n", ":4:1: …: the line is indented too far"),
         ("    do serial(:\n        emit end\n", ":3:15: …: `:` does not fit here"),
-        ('    x: string = "abc\n', ":3:17: …: this sign does not fit here, or a text has no end"),
+        ('    x: string = "abc\n', f":3:17: …: {NO_TEXT}"),
+        ("    x: string = \"say 'abc'\"\n", f":3:17: …: {NO_TEXT}"),
     ],
 )
 def test_a_mistake_is_told_with_its_place(tmp_path: Path, body: str, told: str) -> None:

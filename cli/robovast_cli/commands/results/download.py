@@ -34,6 +34,7 @@ from robovast_cli.lazy import examples
 from robovast_cli.ui.bars import Bars
 from robovast_cli.ui.output import echo
 from robovast_cli.ui.report import echo_stderr, message_of
+from robovast_cli.ui.table import counted
 from robovast_cli.workspace import shown
 
 if TYPE_CHECKING:
@@ -219,9 +220,9 @@ def _download_results(
 
 
 def _summary(result: DownloadResult) -> Iterator[str]:
-    total = result.fetched + result.present
+    runs = counted(result.fetched + result.present, "run")
     here = f" ({result.present} already existed)" if result.present else ""
-    yield f"{shown(result.campaign)}: {total} runs{here}, {fmt_size(result.size)} downloaded."
+    yield f"{shown(result.campaign)}: {runs}{here}, {fmt_size(result.size)} downloaded."
     if result.unfinished:
         yield f"{len(result.unfinished)} runs are not stored yet. Repeat the command later."
     if result.lacking:

@@ -80,7 +80,7 @@ def _problem(scenario: Path, line: int, column: int, found: str | None) -> Probl
 
 def _meaning(found: str | None) -> str:
     if found is None:
-        what = "this sign does not fit here, or a text has no end"
+        what = "this sign does not fit here, or a text has no end or contains a quotation mark"
     elif not found.strip():
         what = "the line ends too early" if "\n" in found else "the line is indented too far"
     else:
