@@ -56,8 +56,8 @@ class RunRecord:
 
     campaign: str
     variant: str
-    run: Annotated[int, Column("INTEGER")]
     entry: Annotated[str, _TEXT]
+    run: Annotated[int, Column("INTEGER")]
     id: Annotated[int, _NUMBER]
     verdict: Annotated[Verdict, Column("VARCHAR", in_index=True)]
     reason: Annotated[str, Column("VARCHAR", in_index=True)]
@@ -124,7 +124,9 @@ _COLUMNS = {
     for name, hint in get_type_hints(RunRecord, include_extras=True).items()
     for column in getattr(hint, "__metadata__", ())
 }
-COLUMNS = {"config": "VARCHAR"} | {name: column.sql_type for name, column in _COLUMNS.items()}
+COLUMNS = {"config": "VARCHAR", "run": "INTEGER"} | {
+    name: column.sql_type for name, column in _COLUMNS.items()
+}
 """Columns of the table `runs` with their SQL types; `config` is the variant, times are UTC."""
 IN_INDEX = tuple(name for name, column in _COLUMNS.items() if column.in_index)
 """Properties of a run in `index.json`, beside its identity."""
