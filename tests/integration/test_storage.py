@@ -388,7 +388,7 @@ def test_a_server_that_stays_away_is_named_when_patience_ends(s3_server: Server)
 
 def test_credentials_come_from_the_files_of_a_secret(tmp_path: Path) -> None:
     (tmp_path / "accessKey").write_text("me\n")
-    with pytest.raises(StorageError, match=r"secretKey.*needs the keys"):
+    with pytest.raises(StorageError, match=r"secretKey.*has the keys"):
         Credentials.from_folder(tmp_path)
     (tmp_path / "secretKey").write_text("")
     with pytest.raises(StorageError, match="is empty"):
