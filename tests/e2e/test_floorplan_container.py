@@ -103,7 +103,7 @@ def test_a_container_makes_what_a_configuration_uses_once(vast, tmp_path: Path) 
         ("no such space\n", "square.fpm:1: unknown space"),
         (
             "no mesh\n",
-            "wrote square.yaml\nhint: let the generator write the mesh as one `square.stl` below /output",
+            "wrote square.yaml\nhint: let the generator write the mesh as one `square.stl` below ",
         ),
     ],
 )
