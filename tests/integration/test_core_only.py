@@ -27,6 +27,7 @@ WORDS: dict[str, tuple[str, ...]] = {
     "config import-configs": ("other.vast",),
     "exec local run": ("--runtime", "process", "--runs", "1", "out"),
     "exec local prepare-run": ("prepared",),
+    "exec cluster run": ("--image", "registry/image:1"),
     "exec cluster logs": ("c-1/0",),
     "exec cluster shell": ("c-1/0",),
     "exec cluster debug": ("c-1/0",),
