@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robovast.base.errors import CannotRunError
+from robovast.base.errors import CannotRunError, InputError
 from robovast.storage.bucket_ownership import find_bucket
 from robovast_cli.kube.api import KubernetesClient
 from robovast_cli.kube.status import CampaignState, find_campaign, lookup
@@ -39,6 +39,29 @@ def named_results(kube: KubernetesClient, known: Sequence[CampaignState], name: 
             bucket, owner = found
             return Results(owner.campaign if owner is not None else name, bucket, place)
     return results_of(find_campaign(known, name, kube.namespace))
+
+
+def stored_results(
+    kube: KubernetesClient, campaigns: Sequence[CampaignState], expected: str = "has results"
+) -> list[Results]:
+    """Return the results of all campaigns that have some.
+
+    Args:
+        kube: the cluster and namespace.
+        campaigns: the campaigns to consider.
+        expected: end of the error message "no campaign in the namespace …".
+
+    Raises:
+        InputError: no campaign has results.
+    """
+    stored = [campaign for campaign in campaigns if campaign.bucket]
+    if not stored:
+        raise InputError(
+            f"no campaign in the namespace {kube.namespace} {expected}",
+            hint="select another namespace with `--namespace`, or name a deleted Campaign with "
+            "`--campaign`",
+        )
+    return [results_of(campaign) for campaign in stored]
 
 
 def results_of(campaign: CampaignState) -> Results:

@@ -27,8 +27,8 @@ from robovast.storage.shares.campaigns import (
 from robovast_cli.commands.results.options import Target
 from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.kube.results import Results, named_results, results_of
-from robovast_cli.kube.status import CampaignState, campaign_states
+from robovast_cli.kube.results import Results, named_results, stored_results
+from robovast_cli.kube.status import campaign_states
 from robovast_cli.kube.store import open_store
 from robovast_cli.lazy import examples
 from robovast_cli.ui.bars import Bars
@@ -143,7 +143,9 @@ def _download_campaigns(
     with connect(context, namespace) as kube:
         known = campaign_states(kube)
         chosen = (
-            [named_results(kube, known, name) for name in names] if names else _stored(kube, known)
+            [named_results(kube, known, name) for name in names]
+            if names
+            else stored_results(kube, known)
         )
         failed = []
         for results in chosen:
@@ -173,17 +175,6 @@ def download_run(context: str | None, namespace: str | None, run: str, output: P
         known = campaign_states(kube)
         folder = _download_results(kube, named_results(kube, known, name), output, run=path)
     return folder / path
-
-
-def _stored(kube: KubernetesClient, known: Sequence[CampaignState]) -> list[Results]:
-    stored = [campaign for campaign in known if campaign.bucket]
-    if not stored:
-        raise InputError(
-            f"no campaign in the namespace {kube.namespace} has results",
-            hint="set the namespace with `--namespace`, or name a deleted Campaign with "
-            "`--campaign`",
-        )
-    return [results_of(campaign) for campaign in stored]
 
 
 def _download_results(

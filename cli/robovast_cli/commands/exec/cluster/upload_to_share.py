@@ -19,7 +19,7 @@ from robovast.storage.shares.campaigns import SHARE_TYPE, Share, open_share
 from robovast_cli.commands.exec.cluster.upload_jobs import follow, log_command, start
 from robovast_cli.kube.api import KubernetesClient, connect
 from robovast_cli.kube.options import Context, Namespace
-from robovast_cli.kube.results import Results, named_results, results_of
+from robovast_cli.kube.results import Results, named_results, stored_results
 from robovast_cli.kube.status import CampaignState, campaign_states, lookup
 from robovast_cli.lazy import examples
 from robovast_cli.ui.output import echo
@@ -157,7 +157,7 @@ def _select_results(
     """Return results by name (default: of all finished campaigns).
 
     Raises:
-        InputError: there is none, none of a name, or it is not finished.
+        InputError: no campaign has this name, or it is not finished, or no campaign is.
     """
     for name in names:
         campaign = lookup(known, name)
@@ -168,17 +168,11 @@ def _select_results(
             )
     if names:
         return [named_results(kube, known, name) for name in dict.fromkeys(names)]
-    stored = [campaign for campaign in known if campaign.finished and campaign.bucket]
     for campaign in known:
         if not campaign.finished:
             echo(f"{campaign.name}: skipped, because it is not finished.")
-    if not stored:
-        raise InputError(
-            f"no campaign in the namespace {kube.namespace} is finished and has results",
-            hint="select another namespace with `--namespace`, or name a deleted Campaign with "
-            "`--campaign`",
-        )
-    return [results_of(campaign) for campaign in stored]
+    finished = [campaign for campaign in known if campaign.finished]
+    return stored_results(kube, finished, "is finished and has results")
 
 
 def _rename_duplicate(results: Results, known: Sequence[CampaignState]) -> Results:
