@@ -15,6 +15,7 @@ from robovast.base.printable import PrintableFormatter, one_line, printable, pri
         ("\x1b[2J\x9b31m\x07\r", "\\x1b[2J\\x9b31m\\x07\\r"),
         ("a\tb\nc", "a\tb\nc"),
         ("\u202edessap", "\\u202edessap"),
+        ("a\u200fb\u061c\u200e\u200b", "a\\u200fb\\u061c\\u200e\\u200b"),
         ("caf\udce9", "caf\\udce9"),
     ],
 )
